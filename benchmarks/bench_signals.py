@@ -11,7 +11,7 @@ from pivident.signals.bandpass import bandpass
 from pivident.signals.decimation import parallel_decimation
 from pivident.signals.noise_models import fit_ar
 from pivident.signals.prefilter import StreamingFilter
-from pivident.signals.random_walk import smooth, smooth_channels
+from pivident.signals.random_walk import irwsm, smooth_channels
 from pivident.signals.random_walk_likelihood import diffuse_fit
 
 RATE = 5000.0
@@ -36,7 +36,7 @@ def columns():
 @pytest.mark.benchmark(group="smoother with maximum likelihood, one channel")
 @pytest.mark.parametrize("order", [2, 3, 4])
 def test_maximum_likelihood(benchmark, positions, order):
-    benchmark(smooth, positions[:, 0], RATE, order)
+    benchmark(irwsm, positions[:, 0], RATE, order)
 
 
 @pytest.mark.benchmark(group="smoother with maximum likelihood, six channels")
@@ -47,7 +47,7 @@ def test_six_channels(benchmark, positions, threads):
 
 @pytest.mark.benchmark(group="smoothing at a given ratio, order 2")
 def test_smoothing(benchmark, positions):
-    benchmark(smooth, positions[:, 0], RATE, 2, NVR)
+    benchmark(irwsm, positions[:, 0], RATE, 2, NVR)
 
 
 @pytest.mark.benchmark(group="smoothing at a given ratio, order 2")

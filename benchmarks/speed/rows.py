@@ -18,7 +18,7 @@ from pivident.experiment import simulated_tx40 as scenarios
 from pivident.foundation.threads import thread_count
 from pivident.loop.simulation.closed_loop import simulate
 from pivident.robot.gallery import load_robot
-from pivident.signals.random_walk import smooth
+from pivident.signals.random_walk import irwsm
 
 from . import figaroh_peer, mujoco_peer, pinocchio_peer
 from .report import RESULTS
@@ -194,7 +194,7 @@ def smoother_rows(repeats: int) -> Iterator[Row]:
     structural = UnobservedComponents(y, "smooth trend")
     ours, simd, stats = side_by_side(
         [
-            lambda: smooth(y, RATE),
+            lambda: irwsm(y, RATE),
             lambda: kalman.smooth(y),
             lambda: structural.smooth([1.0, 1e-5]),
         ],

@@ -1,6 +1,6 @@
 """Ties from equations to the code that computes them.
 
-``{code}`pivident.signals.random_walk.smooth` `` in a page names the function behind the equation
+``{code}`pivident.signals.random_walk.irwsm` `` in a page names the function behind the equation
 above it and leads to its source. An object that does not exist stops the build. The page of the
 tied objects (`reference/implementation.md`) is filled here from all pages.
 """

@@ -1,3 +1,4 @@
+from . import linear as linear
 from .data.recording.load import load_recording as load_recording
 from .data.recording.recording import Recording as Recording
 from .dynamics.base_parameters import base_parameters as base_parameters

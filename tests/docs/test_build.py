@@ -100,7 +100,7 @@ def test_every_tie_names_an_object_where_it_is_defined():
 
 def test_a_tie_to_nothing_is_refused():
     with pytest.raises(MissingObject, match="has no 'smoothe'"):
-        object_named("pivident.signals.random_walk.smoothe")
+        object_named("pivident.signals.random_walk.irwsmo")
 
 
 def test_cited_sources_are_in_the_bibliography():

@@ -210,6 +210,8 @@ def test_every_public_name_is_in_the_reference():
         found = resolved(name)
         if isinstance(found, type) and issubclass(found, errors.PividentError):
             continue
+        if inspect.ismodule(found):  # a room, whose names stand on a page of their own
+            continue
         assert any(found is other for other in objects), f"{name} is on no page of the reference"
 
 

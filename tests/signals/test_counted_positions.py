@@ -9,7 +9,7 @@ from pivident.signals.counted_positions import (
     has_visible_counts,
     nvr_of_counts,
 )
-from pivident.signals.random_walk import smooth
+from pivident.signals.random_walk import irwsm
 
 RATE = 2000.0
 COUNT = 2 * np.pi / 3600
@@ -37,7 +37,7 @@ def test_standstill_does_not_change_the_ratio():
 def test_standstill_spoils_the_ratio_of_the_whole_record():
     q, ddq = moves(3.0)
     y = counts(q)
-    whole, own = smooth(y, RATE), smooth(y, RATE, nvr=nvr_of_counts(y, RATE))
+    whole, own = irwsm(y, RATE), irwsm(y, RATE, nvr=nvr_of_counts(y, RATE))
     assert whole.f50 > 1.3 * own.f50
     moving = slice(100, int(1.5 * RATE))
     error = [np.sqrt(np.mean((s.ddq - ddq)[moving] ** 2)) for s in (whole, own)]
@@ -46,7 +46,7 @@ def test_standstill_spoils_the_ratio_of_the_whole_record():
 
 def test_the_noise_found_is_that_of_rounding():
     y = counts(moves(0.1)[0])
-    found = smooth(y, RATE, nvr=nvr_of_counts(y, RATE)).noise_std
+    found = irwsm(y, RATE, nvr=nvr_of_counts(y, RATE)).noise_std
     assert found == pytest.approx(COUNT / np.sqrt(12), rel=0.15)
 
 
@@ -77,7 +77,7 @@ def test_the_steps_of_a_slow_joint_are_no_motion(speed, stretches):
     y = counts(q)
     parts = counting_stretches(y, rate)
     assert len(parts) == stretches
-    assert all(smooth(y[part], rate).f50 > 200.0 for part in parts)
-    found = smooth(y, rate, nvr=nvr_of_counts(y, rate))
+    assert all(irwsm(y[part], rate).f50 > 200.0 for part in parts)
+    found = irwsm(y, rate, nvr=nvr_of_counts(y, rate))
     assert found.f50 < 30.0
     assert np.std((found.ddq - ddq)[100:-100]) < 0.7 * np.std(ddq)

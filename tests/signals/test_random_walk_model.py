@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pivident.signals.random_walk import smooth
+from pivident.signals.random_walk import irwsm
 from pivident.signals.random_walk_likelihood import innovations_model
 from pivident.signals.random_walk_model import (
     derivative_noise,
@@ -84,7 +84,7 @@ def test_acceleration_noise_of_the_integrated_random_walk():
 def test_noise_of_the_derivatives_is_what_white_noise_leaves(order):
     nvr = nvr_from_f50(200, order, RATE)
     noise = np.random.default_rng(0).standard_normal(200_000)
-    result = smooth(noise, RATE, order, nvr=nvr)
+    result = irwsm(noise, RATE, order, nvr=nvr)
     dq, ddq = derivative_noise(nvr, order, RATE, 1.0)
     inner = slice(result.edge, -result.edge)
     assert np.std(result.dq[inner]) == pytest.approx(dq, rel=0.03)

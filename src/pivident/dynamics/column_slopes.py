@@ -15,11 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.entry_plan import coupling_sign, has_inner_signal
+from pivident.dynamics.friction import column_values
 from pivident.dynamics.friction_generated import position_derivatives, speed_derivatives
 from pivident.dynamics.friction_kernels import (
     BY_GAMMA,
+    BY_POSITION,
     CURVATURE,
     FIRST_ADDRESS,
+    SLOPE,
     call_column,
     friction_value_and_slope,
     position_value_and_slope,
@@ -58,16 +61,22 @@ def column_slopes(regressor: Regressor) -> tuple[ColumnSlope, ...]:
     for j, c in zip(regressor.row.tolist(), regressor.column.tolist(), strict=True):
         p = regressor.parameters[c]
         if not p.is_inertial and not has_inner_signal(p):
-            slope = _slope(regressor.robot, p, j, c)
-            found += [] if slope is None else [slope]
+            found += _slopes_of(regressor.robot, p, j, c)
     return tuple(found)
 
 
-def _slope(robot: Robot, p: Parameter, joint: int, column: int) -> ColumnSlope | None:
-    """Slope of one entry; None for a constant one."""
-    if p.friction is not None:
-        quantity, value = _friction_slope(p.friction)
-        return value and ColumnSlope(joint, column, joint, quantity, value, joint)
+def _slopes_of(robot: Robot, p: Parameter, joint: int, column: int) -> list[ColumnSlope]:
+    """Slopes of one entry: one, none of a constant, two of a function of position and speed."""
+    if p.friction is None:
+        return [_slope(robot, p, joint, column)]
+    return [
+        ColumnSlope(joint, column, joint, quantity, value, joint)
+        for quantity, value in _friction_slopes(p.friction)
+    ]
+
+
+def _slope(robot: Robot, p: Parameter, joint: int, column: int) -> ColumnSlope:
+    """Slope of one entry of a rotor or a coupling."""
     if p.coupling is None:  # a rotor
         return ColumnSlope(joint, column, joint, 2, _constant(1.0), joint)
     c = p.coupling
@@ -89,13 +98,19 @@ def _constant(value: float) -> Slope:
     return lambda q, dq, other: np.full(q.shape, value)
 
 
-def _friction_slope(term: FrictionTerm) -> tuple[int, Slope | None]:
-    """Quantity that a friction column depends on, and its slope; see ``dynamics.friction``."""
+def _friction_slopes(term: FrictionTerm) -> list[tuple[int, Slope]]:
+    """Quantities that a friction column depends on, with its slopes; see ``dynamics.friction``."""
     column, sign, shape = term.encoded()
     if column == OFFSET.code:
-        return 1, None
+        return []
+    if term.column.of_motion:
+
+        def along(which: int) -> Slope:
+            return lambda q, dq, other: column_values(term, which, q, dq)
+
+        return [(0, along(BY_POSITION)), (1, along(SLOPE))]
     quantity = 0 if term.depends_on_position else 1
-    return quantity, lambda *motion: _slopes_at(column, sign, shape, motion[quantity])
+    return [(quantity, lambda *motion: _slopes_at(column, sign, shape, motion[quantity]))]
 
 
 def _slopes_at(column: int, sign: int, shape: tuple[float, ...], x: np.ndarray) -> np.ndarray:

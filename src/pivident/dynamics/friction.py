@@ -17,7 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from pivident.dynamics.friction_kernels import level_and_slope, state_after_way, travel_to_reversal
+from pivident.dynamics.friction_kernels import (
+    VALUE,
+    level_and_slope,
+    state_after_way,
+    travel_to_reversal,
+    values_at_states,
+)
 from pivident.foundation.compiled import kernel
 from pivident.robot.friction_column import SIGNS, evaluated
 from pivident.robot.friction_term import FrictionTerm
@@ -97,7 +103,7 @@ def friction_column(
     torque that the joint carries [N m or N]. ``simulated`` replaces the hard sign.
     """
     column, sign, shape = term.encoded(simulated)
-    if q is None and (term.depends_on_position or term.has_memory):
+    if q is None and (term.depends_on_position or term.has_memory or term.column.of_motion):
         raise ValueError(f"the term {term.column.name.upper()} needs the positions q")
     if term.has_memory:
         path = np.asarray(q)
@@ -110,9 +116,27 @@ def friction_column(
     if load is None and term.depends_on_load:
         name = term.column.name.upper()
         raise ValueError(f"the term {name} needs the torque that the joint carries")
+    if not term.column.expression:
+        return column_values(term, VALUE, q, dq, load)
     quantities = {"dq": dq, "q": q, "load": load, "s": smoothed_sign(sign, shape[0], dq)}
     value = term.column.evaluate(term.values, {**_FUNCTIONS, **quantities})
     return np.asarray(value) if np.shape(value) == dq.shape else np.full(dq.shape, float(value))
+
+
+def column_values(
+    term: FrictionTerm,
+    which: int,
+    q: np.ndarray | None,
+    dq: np.ndarray,
+    load: np.ndarray | None = None,
+) -> np.ndarray:
+    """Value or a slope (``which``) of a term whose function has an address, of the shape of dq."""
+    column, sign, shape = term.encoded()
+    given = np.broadcast_arrays(*(0.0 if x is None else x for x in (dq, load, q)))
+    out = np.empty(np.shape(dq))
+    flat = [np.ascontiguousarray(x, dtype=float).ravel() for x in given]
+    values_at_states(column, which, sign, shape[0], *flat, out.reshape(-1))
+    return out
 
 
 def expression_value(expression: str, quantities: Mapping[str, Any]) -> Any:

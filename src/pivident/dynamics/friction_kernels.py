@@ -32,13 +32,14 @@ from numba.extending import intrinsic
 from pivident.dynamics.elementary import REST, arctangent, direction
 from pivident.dynamics.friction_generated import position_derivatives, speed_derivatives
 from pivident.foundation.compiled import inlined as _inline
-from pivident.foundation.compiled import shared
+from pivident.foundation.compiled import kernel, shared
 from pivident.robot.friction_column import SignFunction
 from pivident.robot.friction_terms.presliding import PRESLIDING
 
 _PRESLIDING = int(PRESLIDING)
 _ATAN, _TANH = int(SignFunction.ATAN), int(SignFunction.TANH)
 _SHARP = int(SignFunction.SHARP)
+_OF_POSITION = int(SignFunction.NONE)
 
 #: Exponents beyond which exp(-x) is negligible beside 1.
 _NOTHING = 40.0
@@ -191,13 +192,18 @@ FIRST_ADDRESS = 1000
 VALUE, SLOPE, CURVATURE, BY_GAMMA = 0, 1, 2, 3
 COUNT = 9
 
-#: Numbers that it is given: s, ∂s/∂v, ∂²s/∂v², ∂s/∂γ and ∂²s/∂v∂γ, two constants and its quantity.
+#: What those of position, speed and load count in their place, after value and slope by speed.
+BY_POSITION, BY_LOAD = 3, 4
+
+#: Numbers that it is given: s, ∂s/∂v, ∂²s/∂v², ∂s/∂γ and ∂²s/∂v∂γ, two constants and its quantity;
+#: of several quantities speed, load and position in the place of these.
 NUMBERS = 8
 
-_SIGNATURE = types.float64(types.int64, *[types.float64] * NUMBERS)
+#: Type of such a function.
+ADDRESS_SIGNATURE = types.float64(types.int64, *[types.float64] * NUMBERS)
 
 #: Decorator of a column's function.
-column_function = cfunc(_SIGNATURE, cache=True, error_model="numpy")
+column_function = cfunc(ADDRESS_SIGNATURE, cache=True, error_model="numpy")
 
 
 def _call_column(context, address, which, s, s_v, s_vv, s_g, s_vg, first, second, x):
@@ -214,3 +220,32 @@ def _call_column(context, address, which, s, s_v, s_vv, s_g, s_vg, first, second
 
 #: The value of a column's function at an address, in compiled code.
 call_column: Any = intrinsic(_call_column)
+
+
+@_inline
+def motion_value(column, which, sign, gamma, v, load, q):
+    """What ``which`` counts, of a column of several quantities, whose code is minus its address."""
+    s, slope = smooth_sign_and_slope(sign, gamma, v)
+    return call_column(-column, which, s, slope, 0.0, 0.0, 0.0, v, load, q)
+
+
+@_inline
+def motion_values(column, sign, gamma, v, q):
+    """Value of such a column without load, and its slopes by position and by speed."""
+    return (
+        motion_value(column, VALUE, sign, gamma, v, 0.0, q),
+        motion_value(column, BY_POSITION, sign, gamma, v, 0.0, q),
+        motion_value(column, SLOPE, sign, gamma, v, 0.0, q),
+    )
+
+
+@kernel
+def values_at_states(column, which, sign, gamma, v, load, q, out):
+    """What ``which`` counts, of a column that has an address, at many states, shape (states,)."""
+    for k in range(out.size):
+        if column < 0:
+            out[k] = motion_value(column, which, sign, gamma, v[k], load[k], q[k])
+        else:
+            s, slope = smooth_sign_and_slope(sign, gamma, v[k])
+            x = q[k] if sign <= _OF_POSITION else v[k]
+            out[k] = call_column(column, which, s, slope, 0.0, 0.0, 0.0, 0.0, 0.0, x)

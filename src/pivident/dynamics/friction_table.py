@@ -22,8 +22,13 @@ import numpy as np
 
 from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.friction_kernels import (
+    BY_LOAD,
+    BY_POSITION,
+    SLOPE,
+    VALUE,
     friction_value_and_slope,
     level_and_slope,
+    motion_value,
     position_value_and_slope,
     presliding_stiffness,
     slip_stiffness,
@@ -52,6 +57,9 @@ SPRINGS, OF_POSITION = int(SignFunction.SPRING), int(SignFunction.NONE)
 
 #: Largest fl after clipping; at 1 friction would hold any torque.
 MAX_LOAD_SHARE = 0.9
+
+#: Steps of Newton's method for the load under friction of one's own, which end at rounding.
+MAX_LOAD_STEPS, LOAD_ROUNDING = 50, 1e-15
 
 # Rows of ``path``, shape (PATH_ROWS, entries): states and levels at the start of the step, then
 # states, levels and dz/dx at some travel: at the end of the step, at its middle.
@@ -142,7 +150,7 @@ def path_entries(parameters: tuple[Parameter, ...], values: np.ndarray) -> list[
         # the rate of presliding has the state of its entry
         head, place = (_PRESLIDING, 1) if code == int(PRESLIDING_RATE) else (code, 0)
         _, both = found.setdefault(
-            (head == _LOAD, p.joint, head, sign, shape), (p.name, [0.0, 0.0])
+            (p.friction.depends_on_load, p.joint, head, sign, shape), (p.name, [0.0, 0.0])
         )
         both[place] += value
     ordered = sorted(found.items(), key=lambda item: item[0][:2])
@@ -152,8 +160,8 @@ def path_entries(parameters: tuple[Parameter, ...], values: np.ndarray) -> list[
             "a joint has two terms of load-dependent friction", advice="give it one"
         )
     return [
-        PathEntry(name, (joint, code, sign), (*both, *_constants(code, shape)))
-        for (_, joint, code, sign, shape), (name, both) in ordered
+        PathEntry(name, (joint, code, sign), (*both, *_constants(code, shape, of_load)))
+        for (of_load, joint, code, sign, shape), (name, both) in ordered
     ]
 
 
@@ -161,7 +169,7 @@ def clipped_friction(term: FrictionTerm, value: float) -> float:
     """The value, or the nearest one that dissipates energy."""
     if term.is_dissipative:
         value = max(value, 0.0)
-    return min(value, MAX_LOAD_SHARE) if term.depends_on_load else value
+    return min(value, MAX_LOAD_SHARE) if term.column == LOAD else value
 
 
 def dry_friction_level(friction: FrictionTable, joints: int) -> np.ndarray:
@@ -181,7 +189,7 @@ def dry_friction_level(friction: FrictionTable, joints: int) -> np.ndarray:
     waves: dict[tuple[float, ...], float] = {}
     entries = zip(friction.path_index.tolist(), friction.path_value.tolist(), strict=True)
     for (joint, column, sign), (value, _, *constants) in entries:
-        if column in (_PRESLIDING, _MAXWELL):
+        if column in (_PRESLIDING, _MAXWELL) or (column < 0 and not constants[1]):
             level[joint] += abs(value)
         elif sign == OF_POSITION:  # sine and cosine of one order are one wave
             wave = (joint, *constants)
@@ -191,11 +199,11 @@ def dry_friction_level(friction: FrictionTable, joints: int) -> np.ndarray:
     return np.where(level > 1e-9, level, level + other)
 
 
-def _constants(column: int, shape: tuple[float, ...]) -> tuple[float, ...]:
+def _constants(column: int, shape: tuple[float, ...], of_load: bool) -> tuple[float, ...]:
     """The four constants of an entry of the path table from γ and the term's shape."""
     gamma, first, second, third, fourth = shape
-    if column == _LOAD:
-        return gamma, 0.0, 0.0, 0.0
+    if column == _LOAD or column < 0:
+        return gamma, float(of_load), 0.0, 0.0
     if column in (_PRESLIDING, _MAXWELL):
         return 1.0 / first, second, 1.0 / third if second else 0.0, fourth
     return first, second, third, fourth
@@ -240,6 +248,35 @@ def friction_torque(
 def slopes_width(joints, couplings):
     """Columns of ``slopes`` with a path table: D, coupled D, K, share and fl|L| of each joint."""
     return 4 * joints + couplings
+
+
+@inner
+def motion_friction(column, sign, gamma, v, q, value, net, of_load):
+    """Friction of several quantities: torque, slopes by speed and position, and the load's share.
+
+    Where it depends on the load L, that follows by Newton's method from
+
+        L + c f(q, v, L) = τ - f₀ = ``net``
+
+    and every slope is multiplied by the share 1/(1 + c ∂f/∂L).
+    """
+    load, share = 0.0, 1.0
+    if of_load > 0.0:
+        load = net
+        for _ in range(MAX_LOAD_STEPS):
+            f = motion_value(column, VALUE, sign, gamma, v, load, q)
+            rise = value * motion_value(column, BY_LOAD, sign, gamma, v, load, q)
+            share = 1.0 / max(1.0 + rise, 1.0 - MAX_LOAD_SHARE)
+            step = (load + value * f - net) * share
+            load -= step
+            if not abs(step) > LOAD_ROUNDING * abs(net):
+                break
+    return (
+        value * motion_value(column, VALUE, sign, gamma, v, load, q),
+        value * motion_value(column, SLOPE, sign, gamma, v, load, q),
+        value * motion_value(column, BY_POSITION, sign, gamma, v, load, q),
+        share,
+    )
 
 
 @inner
@@ -308,6 +345,16 @@ def path_torque(
             slopes[row, share + j] = part
             slopes[row, carried + j] = abs(first * load)
             slopes[row, j] += abs(load) * first * slope
+        elif column < 0:
+            f, df, rise, part = motion_friction(
+                column, path_index[k, 2], constant, v, vectors[position, j] + x, first,
+                torque[j] - vectors[out, j], path_value[k, 3],
+            )  # fmt: skip
+            vectors[out, j] += f
+            slopes[row, j] += df
+            slopes[row, stiffness + j] += rise
+            slopes[row, share + j] *= part
+            slopes[row, carried + j] += abs(f)
 
 
 @shared

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from importlib import import_module
 from itertools import chain
@@ -34,7 +34,7 @@ Written by ``python -m pivident.dynamics.generate_friction`` from declarations, 
 # ruff: noqa
 from __future__ import annotations
 
-from math import exp, log, sqrt
+from math import {functions}
 
 from pivident.{compiled}
 from pivident.dynamics.elementary import {elementary}
@@ -46,6 +46,9 @@ _SIGN = ("s", "s_v", "s_vv", "s_g", "s_vg")
 #: Names of the constants of shape in compiled code.
 _CONSTANTS = ("first", "second")
 
+#: What functions of more than one quantity are given in place of constants and quantity.
+MOTION = ("dq", "load", "q")
+
 
 def built_in_module() -> str:
     """Text of the module of all columns of pivident that are functions of speed or position."""
@@ -54,6 +57,7 @@ def built_in_module() -> str:
     lines = [
         _HEAD.format(
             title="Functions of friction: values and derivatives, and rows of a tile.",
+            functions="exp, log, sqrt",
             compiled="foundation.compiled import inlined",
             elementary="TILE, cos, direction, power, sin, size",
         )
@@ -88,17 +92,26 @@ def foreign_module(columns: Sequence[FrictionColumn]) -> str:
     lines = [
         _HEAD.format(
             title="Functions of friction terms.",
+            functions="atan, exp, log, pi, sqrt, tanh",
             compiled="dynamics.friction_kernels import column_function",
             elementary="cos, direction, power, sin, size",
         )
     ]
     for column in columns:
-        steps, shown = _derivatives(column)
-        arguments = ", ".join(("which", *_SIGN, *_CONSTANTS, _quantity(column)))
-        lines += ["", "@column_function", f"def {column.name}({arguments}):"]
-        lines += [f'    """{column.expression}"""', *(f"    {step}" for step in steps)]
-        lines += [f"    return ({', '.join(shown)})[which]", ""]
+        lines += ["", "@column_function", *column_source(column), ""]
     return "\n".join(lines)
+
+
+def column_source(column: FrictionColumn) -> list[str]:
+    """Lines of the function of one column, without its decorator."""
+    steps, shown = _derivatives(column)
+    quantities = MOTION if column.of_motion else (*_CONSTANTS, _quantity(column))
+    return [
+        f"def {column.name}({', '.join(('which', *_SIGN, *quantities))}):",
+        f'    """{column.expression}"""',
+        *(f"    {step}" for step in steps),
+        f"    return ({', '.join(shown)})[which]",
+    ]
 
 
 def _branch(column: FrictionColumn, lines: Sequence[str]) -> list[str]:
@@ -118,14 +131,20 @@ def _in_tile(column: FrictionColumn) -> str:
 
 
 def _derivatives(column: FrictionColumn) -> tuple[list[str], list[str]]:
-    """Assignments of common parts, then value, slope, curvature, value and slope by constants."""
+    """Assignments of common parts, then what the constants of ``friction_kernels`` count."""
     sympy = require("sympy", extra="symbolic", purpose="generating functions of friction")
-    x, gamma = sympy.Symbol(_quantity(column), real=True), sympy.Symbol("gamma", positive=True)
+    motion = {name: sympy.Symbol(name, real=True) for name in MOTION}
+    x, gamma = motion[_quantity(column)], sympy.Symbol("gamma", positive=True)
     sign = sympy.Function("s")(x, gamma)
     constants = [sympy.Symbol(name, positive=True) for name in _CONSTANTS]
-    names = {**_functions(), "s": sign, x.name: x}
+    names = {**_functions(), "s": sign, **motion}
     names |= dict(zip(column.constants, constants, strict=False))
     value = sympy.sympify(evaluated(column.expression, names))
+    further: Iterable[Any] = (
+        chain(*((value.diff(c), value.diff(x, c)) for c in (gamma, *constants)))
+        if not column.of_motion
+        else (value.diff(motion["q"]), value.diff(motion["load"]))
+    )
     of_sign = {  # higher ones first, which contain the others
         sign.diff(x, 2): "s_vv",
         sign.diff(x, gamma): "s_vg",
@@ -133,8 +152,7 @@ def _derivatives(column: FrictionColumn) -> tuple[list[str], list[str]]:
         sign.diff(gamma): "s_g",
         sign: "s",
     }
-    pairs = ((value.diff(c), value.diff(x, c)) for c in (gamma, *constants))
-    wanted = [value, value.diff(x), value.diff(x, x), *chain(*pairs)]
+    wanted = [value, value.diff(x), value.diff(x, x), *further]
     symbols = [(of, sympy.Symbol(name)) for of, name in of_sign.items()]
     parts, reduced = sympy.cse([one.subs(symbols) for one in wanted], order="none")
     shown = [repr(float(one)) if one.is_number else str(one) for one in reduced]
@@ -162,6 +180,10 @@ def _functions() -> dict[str, Any]:
         "power": function("power", lambda f, x, p: p * f / x, lambda f, x, p: f * sympy.log(x)),
         "max": function("max", lambda f, x, y: half + half * direction(x - y)),
         "min": function("min", lambda f, x, y: half - half * direction(x - y)),
+        "sign": direction,
+        "pi": sympy.pi,
+        "atan": sympy.atan,
+        "tanh": sympy.tanh,
         "exp": sympy.exp,
         "sin": sympy.sin,
         "cos": sympy.cos,

@@ -15,7 +15,7 @@ import numpy as np
 
 from pivident.dynamics.elementary import TILE
 from pivident.dynamics.entry_plan import EntryPlan, has_inner_signal, make_entry_plan
-from pivident.dynamics.friction import memory_column, smoothed_sign
+from pivident.dynamics.friction import friction_column
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor_kernels import DENSE, PACKED, TORQUES, observe, tile_rows
 from pivident.foundation.errors import UnusableValue
@@ -105,6 +105,10 @@ class Regressor:
         plan = make_entry_plan(robot, parameters, entries)
         inner = [e for e, (_, c) in enumerate(entries) if has_inner_signal(parameters[c])]
         return cls(robot, parameters, row, column, offsets, np.array(inner, dtype=np.int64), plan)
+
+    def __reduce__(self) -> tuple:
+        # plans hold addresses of functions, which another process has elsewhere
+        return type(self).build, (self.robot, self.parameters)
 
     @property
     def entries(self) -> int:
@@ -245,12 +249,11 @@ class Regressor:
         for k, (e, term) in enumerate(zip(self.inner_entries, friction, strict=True)):
             assert term is not None
             j = self.row[e]
-            column, sign, shape = term.encoded()
             if term.has_memory:
-                out[k] = memory_column(column, shape, q[j], dq[j])
+                out[k] = friction_column(term, dq[j], q[j])
             elif theta is not None:
                 load = self._load(q, dq, ddq, theta, out) if load is None else load
-                out[k] = np.abs(load[:, j]) * smoothed_sign(sign, shape[0], dq[j])
+                out[k] = friction_column(term, dq[j], q[j], load[:, j])
         return out
 
     def levels(self, dq: np.ndarray) -> np.ndarray:

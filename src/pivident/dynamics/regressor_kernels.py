@@ -324,13 +324,16 @@ def _sign_row(tile, sign, gamma, row):
 
 
 @_inline
-def _called_row(tile, function, row, value, e, out):
-    """A column of another distribution of the quantity in a row, where the function is one."""
-    if function >= FIRST_ADDRESS:
+def _called_row(tile, function, row, position, value, e, out):
+    """A column whose function has an address, of the quantity in a row; or of two quantities."""
+    if abs(function) >= FIRST_ADDRESS:
+        first, second, last = value[e, 3], value[e, 4], row
         for k in range(TILE):
+            if function < 0:
+                first, second, last = tile[row, k], 0.0, position
             tile[out, k] = call_column(
-                function, VALUE, tile[out, k], 0.0, 0.0, 0.0, 0.0,
-                value[e, 3], value[e, 4], tile[row, k],
+                abs(function), VALUE, tile[out, k], 0.0, 0.0, 0.0, 0.0,
+                first, second, tile[last, k],
             )  # fmt: skip
 
 
@@ -348,11 +351,11 @@ def joint_row(tile, q, dq, ddq, index, value, e, out):
             tile[out, s] = factor
     elif sign <= _OF_POSITION:
         position_row(tile, function, q + a, value, e, out)
-        _called_row(tile, function, q + a, value, e, out)
+        _called_row(tile, function, q + a, q + a, value, e, out)
     else:
         for s in range(TILE):
             tile[out, s] = tile[dq + a, s] + ratio * tile[dq + b, s]
         _sign_row(tile, sign, gamma, out)
         speed_row(tile, function, dq + a, value, e, out)
-        _called_row(tile, function, dq + a, value, e, out)
+        _called_row(tile, function, dq + a, q + a, value, e, out)
         _scaled_row(tile, out, factor, out)

@@ -6,6 +6,7 @@ Sums of the fitted record of an identification, and its estimate among all base 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import inf, nan
 from typing import Annotated, Any
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from pivident.data.logs.torque_scale import MASSES, TorqueScale
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.inverse_dynamics import InverseDynamics
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.covariance import rounded_away
@@ -289,6 +291,11 @@ class Identification(Displayed):
             ddq: joint accelerations [rad/s² or m/s²].
         """
         return regressor_of(self.robot, self.parameters).torque(q, dq, ddq, self.theta)
+
+    @cached_property
+    def torque(self) -> InverseDynamics:
+        """The same as a function prepared once: of one state, shape (joints,), or of samples."""
+        return InverseDynamics(self.robot, self.parameters, self.theta)
 
     def __str__(self) -> str:
         return self.summary()

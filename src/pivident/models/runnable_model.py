@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.inverse_dynamics import InverseDynamics
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
@@ -97,15 +98,10 @@ class RunnableModel:
         """The base parameters of these values, shape (base,)."""
         return self.base.values(self.values)
 
-    def torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        """Torque Φ(q, dq, ddq) θ with friction, shape (samples, joints) [N m or N].
-
-        Args:
-            q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
-            dq: joint speeds [rad/s or m/s].
-            ddq: joint accelerations [rad/s² or m/s²].
-        """
-        return self.regressor.torque(q, dq, ddq, self.values)
+    @cached_property
+    def torque(self) -> InverseDynamics:
+        """Torque Φ(q, dq, ddq) θ with friction, of one state (joints,) or of samples [N m or N]."""
+        return InverseDynamics(self.robot, self.parameters, self.values)
 
     def inertial(self, joint: int) -> np.ndarray:
         """``xx xy xz yy yz zz mx my mz m`` of a link in its frame, shape (10,); zeros of no body.

@@ -17,7 +17,7 @@ from pivident.foundation.errors import UnusableValue
 from pivident.foundation.text.toml import toml_value
 from pivident.robot.friction_column import Shape
 from pivident.robot.friction_term import FrictionTerm, TermKind
-from pivident.robot.friction_terms import TERM_KINDS
+from pivident.robot.friction_terms import OWN_COLUMNS, TERM_KINDS
 from pivident.robot.friction_terms.coulomb import asymmetric_coulomb as asymmetric_coulomb
 from pivident.robot.friction_terms.coulomb import coulomb as coulomb
 from pivident.robot.friction_terms.load import load_dependent as load_dependent
@@ -126,6 +126,11 @@ def law_toml(law: FrictionLaw) -> str:
 def _tables(law: FrictionLaw) -> Iterator[dict[str, Any]]:
     """One table for each term that begins one; the terms that follow from it have none."""
     for term in law.terms:
+        if term.column.name in OWN_COLUMNS:
+            raise UnusableValue(
+                f"the term {term.column.name!r} is a function of a program, which no file names",
+                advice="keep the law in Python, or make a distribution that declares the term",
+            )
         for kind in TERM_KINDS.usable().values():
             if kind.begins_with(term) and (keys := _keys(kind, law, term)) is not None:
                 yield {"term": kind.name} | {key: _rounded(x) for key, x in keys.items()}

@@ -127,6 +127,8 @@ class FrictionColumn:
         opposite: name of the column for the other direction.
         is_backwards: whether it is the one of both that acts backwards.
         words: what the parameter stands for.
+        arguments: quantities that a compiled function without expression is called with.
+        c_source: that function in C, for exports; empty where nobody has given it.
     """
 
     name: str
@@ -149,6 +151,8 @@ class FrictionColumn:
     opposite: str = ""
     is_backwards: bool = False
     words: str = ""
+    arguments: tuple[str, ...] = ()
+    c_source: str = ""
 
     @cached_property
     def names(self) -> frozenset[str]:
@@ -159,6 +163,11 @@ class FrictionColumn:
     def of_position(self) -> bool:
         """Whether it is a function of the position."""
         return "q" in self.names
+
+    @property
+    def of_motion(self) -> bool:
+        """Whether its function has several arguments, or the load; see ``own_friction``."""
+        return False
 
     @property
     def of_load(self) -> bool:

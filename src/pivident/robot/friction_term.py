@@ -114,7 +114,8 @@ class FrictionTerm:
     @property
     def is_of_speed_alone(self) -> bool:
         """Whether it is a function of the joint's speed only."""
-        return not (self.depends_on_position or self.has_inner_signal)
+        several = self.has_inner_signal or self.column.of_motion
+        return not (self.depends_on_position or several)
 
     @property
     def is_independent(self) -> bool:

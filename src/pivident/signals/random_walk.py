@@ -32,6 +32,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pivident.foundation.common_work import once
 from pivident.foundation.errors import NonFiniteSamples, RecordingError
@@ -70,17 +71,30 @@ class SmoothedSignal:
     Trajectories have the shape of the input, (samples,) or (samples, channels). The other arrays
     hold one number per channel and have shape () or (channels,). Orders may be compared by
     ``log_likelihood`` where the differences are large (hundreds).
+
+    Attributes:
+        q: smoothed positions [rad or m].
+        dq: speeds [rad/s or m/s].
+        ddq: accelerations [rad/s² or m/s²].
+        nvr: noise-to-variance ratio, per sample of this rate.
+        f50: frequency at which the smoother's gain is one half [Hz], or infinite.
+        noise_std: √r̂, standard deviation of the measurement noise [rad or m].
+        on_bound: whether the NVR was searched and ended on a bound (or on f50_max).
+        log_nvr_std: standard error of ln NVR, shape () or (channels,); NaN: given or on a bound.
+        log_likelihood: exact, diffuse, shape () or (channels,).
+        order: m.
+        rate: sampling rate [Hz].
     """
 
     q: np.ndarray
     dq: np.ndarray
     ddq: np.ndarray
-    nvr: np.ndarray  # noise-to-variance ratio, per sample of this rate
-    f50: np.ndarray  # frequency at which the smoother's gain is one half [Hz], or infinite
-    noise_std: np.ndarray  # √r̂, standard deviation of the measurement noise [rad or m]
-    on_bound: np.ndarray  # whether the NVR was searched and ended on a bound (or on f50_max)
-    log_nvr_std: np.ndarray  # standard error of ln NVR; NaN: given or on a bound
-    log_likelihood: np.ndarray  # exact, diffuse
+    nvr: np.ndarray
+    f50: np.ndarray
+    noise_std: np.ndarray
+    on_bound: np.ndarray
+    log_nvr_std: np.ndarray
+    log_likelihood: np.ndarray
     order: int
     rate: float
 
@@ -97,7 +111,9 @@ class SmoothedSignal:
     def advice(self, dynamic_frequency: float, loss: float = 1e-3) -> list[str]:
         """One line per channel: whether the bandwidth is wide enough, and the noise it passes.
 
-        Motion up to ``dynamic_frequency`` [Hz] may lose the fraction ``loss`` of its amplitude.
+        Args:
+            dynamic_frequency: of the motion that is to be kept [Hz].
+            loss: share of its amplitude that it may lose.
         """
         needed = required_f50(dynamic_frequency, self.order, loss)
         lines = []
@@ -114,7 +130,11 @@ class SmoothedSignal:
         return lines
 
     def channel(self, index: int) -> SmoothedSignal:
-        """One channel of several, trajectories of shape (samples,)."""
+        """One channel of several, trajectories of shape (samples,).
+
+        Args:
+            index: of the channel.
+        """
         return replace(self, **{name: getattr(self, name).T[index] for name in PER_CHANNEL})
 
     def _derivative_noise(self) -> np.ndarray:
@@ -125,8 +145,8 @@ class SmoothedSignal:
         return np.array(pairs).reshape(*self.nvr.shape, 2)
 
 
-def smooth(
-    y: np.ndarray,
+def irwsm(
+    y: ArrayLike,
     rate: float,
     order: int = 3,
     nvr: float | Sequence[float] | None = None,
@@ -134,20 +154,40 @@ def smooth(
     *,
     f50_max: float | None = None,
 ) -> SmoothedSignal:
-    """Smooth one channel (samples,) or several (samples, channels) and differentiate twice.
+    """Integrated random walk smoother: smooth positions and their first two derivatives, (P-27).
 
-    ``nvr`` is one for all or one per channel; None: by maximum likelihood, channel by channel, with
-    the bandwidth capped at ``f50_max`` [Hz] for records whose quantisation or coloured noise makes
-    maximum likelihood smooth too little. Two ``passes`` smooth the differences of the smoothed
-    positions once more, as the paper does with ``irwsm``; the second search normally ends on its
-    upper bound, since smooth differences have no white noise left, and the accelerations are then
-    those of a single pass. A channel without visible noise (constant, say) is returned unchanged
-    within rounding, with ``on_bound`` set and ``noise_std`` close to zero.
+    A channel without visible noise (constant, say) is returned unchanged within rounding, with
+    ``on_bound`` set and ``noise_std`` close to zero.
+
+    >>> t = np.arange(2000) / 1000.0
+    >>> noise = 1e-4 * np.random.default_rng(0).normal(size=t.size)
+    >>> smoothed = irwsm(np.sin(3.0 * t) + noise, rate=1000.0)
+    >>> bool(abs(smoothed.ddq + 9.0 * np.sin(3.0 * t))[smoothed.edge : -smoothed.edge].max() < 0.3)
+    True
+
+    Args:
+        y: positions [rad or m], of one channel (samples,) or of several (samples, channels).
+        rate: sampling rate [Hz].
+        order: m, whose m-th difference is taken for white noise; 2 as in CAPTAIN and in the paper,
+            3 bounds the jerk.
+        nvr: noise-to-variance ratio, one for all or one per channel; None: by maximum likelihood.
+        passes: two smooth the differences of the smoothed positions once more, as the paper does;
+            the second search normally ends on its upper bound, since smooth differences have no
+            white noise left, and the accelerations are then those of a single pass.
+        f50_max: largest bandwidth [Hz], for records whose quantisation or coloured noise makes
+            maximum likelihood smooth too little.
+
+    Returns:
+        Positions, speeds and accelerations of the shape of ``y``, and the smoother's properties.
+
+    Raises:
+        RecordingError: fewer than 20 samples, or a value that is not finite.
     """
-    if np.ndim(y) == 2:
-        return smooth_channels(y, rate, order, nvr, passes, f50_max=f50_max)
+    signal = np.asarray(y, dtype=float)
+    if signal.ndim == 2:
+        return smooth_channels(signal, rate, order, nvr, passes, f50_max=f50_max)
     whole = smooth_channels(
-        np.asarray(y)[:, None], rate, order, nvr, passes, f50_max=f50_max, threads=1
+        np.atleast_1d(signal)[:, None], rate, order, nvr, passes, f50_max=f50_max, threads=1
     )
     return whole.channel(0)
 
@@ -162,7 +202,7 @@ def smooth_channels(
     f50_max: float | None = None,
     threads: int | None = None,
 ) -> SmoothedSignal:
-    """Smooth several channels on a pool of threads; see :func:`smooth` for the arguments."""
+    """Smooth several channels on a pool of threads; see :func:`irwsm` for the arguments."""
     y = np.asarray(y, dtype=float)
     check_positions(y, rate, order, passes)
     samples, channels = y.shape

@@ -83,6 +83,13 @@ class ClosedRegressor(Regressor):
                 "not handled in mechanisms with closed loops",
                 advice="choose viscous, Coulomb, Stribeck …",
             )
+        for p in parameters:
+            if p.friction is not None and p.friction.column.of_motion:
+                raise RobotDescriptionError(
+                    f"{p.name}: friction of more than one quantity is not handled in mechanisms "
+                    "with closed loops",
+                    advice="give a function of the speed or of the position alone",
+                )
         chains = ClosedChains(robot)
         moved = moved_joints(robot)
         candidates = {
@@ -110,6 +117,9 @@ class ClosedRegressor(Regressor):
             tree=tree,
             term=np.array(term, dtype=np.int64).reshape(-1, 4),
         )
+
+    def __reduce__(self) -> tuple:
+        return type(self).of, (self.robot, self.parameters)
 
     def packed(
         self,

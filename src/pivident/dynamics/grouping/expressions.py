@@ -183,6 +183,11 @@ def call(function: str, *arguments: Operand) -> Expression:
     return make_node(Call, operands, function)
 
 
+def foreign_call(name: str, *arguments: Operand) -> Expression:
+    """A function that C source beside the program defines, see `FrictionColumn.c_source`."""
+    return make_node(Call, tuple(as_expression(a) for a in arguments), name)
+
+
 def _numeric(function: str) -> Callable[..., Any]:
     """A function of ``FUNCTIONS`` for numbers and arrays."""
     import numpy as np

@@ -19,6 +19,7 @@ from pivident.dynamics.grouping.expression_graph import (
     ordered,
     provides,
 )
+from pivident.foundation.errors import UnusableValue
 from pivident.foundation.text.identifiers import identifier, latex_name
 
 #: Precedence of a text: a sum, a sign, a product, anything else.
@@ -40,6 +41,7 @@ class Notation:
     opening: str = "("
     closing: str = ")"
     computes: bool = True
+    foreign: bool = False  # whether it may call functions that are defined beside it
 
 
 def _latex_number(value: float) -> str:
@@ -69,6 +71,7 @@ C99 = Notation(
     },
     repr,  # has a point or an exponent, so it is a double in C
     identifier,
+    foreign=True,
 )  # fmt: skip
 LATEX = Notation(
     r" \, ",
@@ -161,11 +164,16 @@ def _text(
         return f"{bracketed(0, _PRODUCT)}{notation.times}{second}", _PRODUCT
     texts = [text for text, _ in operands]
     name = _function_name(node)
+    if name not in (*notation.functions, "divide", "abs", "power") and not notation.foreign:
+        raise UnusableValue(
+            f"the function {name!r} is known in C only",
+            advice="export it as C, or declare it by an expression",
+        )
     if not notation.computes:
         return _latex_function(name, texts, operands, notation)
     if name == "divide":
         return f"{bracketed(0, _PRODUCT)}/{bracketed(1, _ATOM)}", _PRODUCT
-    return f"{prefix}{notation.functions[name]}({', '.join(texts)})", _ATOM
+    return f"{prefix}{notation.functions.get(name, name)}({', '.join(texts)})", _ATOM
 
 
 def _sum(node: Add, bracketed: Callable[[int, int], str], notation: Notation) -> str:

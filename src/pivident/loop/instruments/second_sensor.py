@@ -23,7 +23,7 @@ from pivident.loop.instruments.given_motion import (
     correlated,
 )
 from pivident.loop.motion.motion import Kinematics, SimulatedMotion
-from pivident.signals.random_walk import smooth, smooth_channels
+from pivident.signals.random_walk import irwsm, smooth_channels
 
 #: Share of the noise of one channel that may come from the other: two sensors have 0.05 on real
 #: records, speeds that were computed from the positions 0.4 and more.
@@ -86,7 +86,7 @@ def _instruments(kinematics: Sequence[Kinematics], channel: str) -> GivenMotions
 def _smoothed(kin: Kinematics, values: np.ndarray, j: int) -> np.ndarray:
     """Samples of the second sensor within the band of the first one's smoothed motion."""
     band = kin.f50[j] if np.isfinite(kin.f50[j]) else None
-    return smooth(values, kin.recording.rate, f50_max=band).q
+    return irwsm(values, kin.recording.rate, f50_max=band).q
 
 
 def _integrated(kin: Kinematics, dq: np.ndarray) -> np.ndarray:

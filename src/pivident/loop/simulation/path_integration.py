@@ -148,7 +148,10 @@ def advance_on_path(
         vectors, slopes, THEN, torque, h, _X, _AHEAD, _REST,
     )  # fmt: skip
     # friction of the load changes with the torque at the next sample
-    loaded = path_index.shape[0] > 0 and path_index[-1, 1] == _LOAD
+    last = path_index.shape[0] - 1
+    loaded = last >= 0 and (
+        path_index[last, 1] == _LOAD or (path_index[last, 1] < 0 and path_value[last, 3] > 0.0)
+    )
     known = 0.0 if loaded else 1.0
     carried = slopes.shape[1] - n
     turning = rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, V, _AHEAD)

@@ -63,8 +63,9 @@ def simulate_with_tangents(loop: ParametrisedLoop, directions: Sequence[Directio
     """Simulate the closed loop with the derivatives of its motion along parameters.
 
     The motion is that of ``simulate``, to the last bit. The tangents are the derivatives of the
-    scheme that the simulator runs; a loop with a Python law, and one with friction of the load, is
-    differentiated by central differences instead, two simulations a direction.
+    scheme that the simulator runs; a loop with a Python law, and one with friction of the load or
+    of several quantities, is differentiated by central differences instead, two simulations a
+    direction.
 
     Args:
         loop: what is simulated, in terms of its parameters.
@@ -153,7 +154,8 @@ def has_compiled_tangents(loop: ParametrisedLoop, model: Model | None = None) ->
         model: its model, where it is known already.
     """
     column = (model or loop.model).friction.path_index[:, 1]
-    return not isinstance(loop.controller, PythonController) and int(LOAD) not in column
+    by_differences = ((column == int(LOAD)) | (column < 0)).any()
+    return not (isinstance(loop.controller, PythonController) or by_differences)
 
 
 def _by_differences(loop: ParametrisedLoop, directions: Sequence[Direction]) -> TangentBlock:

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.inverse_dynamics import InverseDynamics
 from pivident.dynamics.parameters import Parameter
 from pivident.estimation.identification import Identification, estimated_in_base, torque_sums
 from pivident.estimation.solved_equations import TorqueSums
@@ -132,6 +134,11 @@ class ConsistentModel:
     def base_values(self) -> np.ndarray:
         """All base parameters of the robot at the consistent point, shape (base,)."""
         return self._base.values(self.values)
+
+    @cached_property
+    def torque(self) -> InverseDynamics:
+        """Torque at the consistent point, of one state (joints,) or of samples [N m or N]."""
+        return InverseDynamics(self.robot, self.parameters, self.values)
 
     @property
     def links(self) -> tuple[LinkBody, ...]:

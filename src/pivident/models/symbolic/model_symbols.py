@@ -6,7 +6,7 @@ Torques of single joints: rotor inertias, friction, springs, motor couplings.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -23,15 +23,16 @@ from pivident.dynamics.grouping.expressions import (
     call,
     constant,
     cosine,
+    foreign_call,
     power,
     sine,
 )
 from pivident.dynamics.parameters import Parameter, standard_parameters
-from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.errors import ExportError, RobotDescriptionError
 from pivident.models.symbolic.assignments import Input, LoopClosing
 from pivident.models.symbolic.sums import Tensor, Vector
 from pivident.robot.description import INERTIAL, Robot
-from pivident.robot.friction_column import SIGNS, evaluated
+from pivident.robot.friction_column import SIGNS, FrictionColumn, evaluated
 from pivident.robot.friction_term import FrictionTerm
 
 #: Which columns of the model: base or standard parameters, or chosen ones.
@@ -200,9 +201,22 @@ def _friction_column(
     if term.has_memory:
         assert inner is not None
         return inner
+    if not term.column.expression:
+        return _c_call(term.column, {"q": q, "dq": dq, "load": inner})
     _, code, shape = term.encoded()
     names = {"q": q, "dq": dq, "s": smooth_sign(code, shape[0], dq), "load": inner}
     return as_expression(term.column.evaluate(term.values, {**_FUNCTIONS, **names}))
+
+
+def _c_call(column: FrictionColumn, motion: Mapping[str, Expression | None]) -> Expression:
+    """A call of the function in C that stands for a compiled one."""
+    if not column.c_source:
+        raise ExportError(
+            f"the friction {column.name!r} is a compiled function, of which there is no formula",
+            advice="declare it by an expression, or with its c_source for files in C; JSON and "
+            "files of simulators need neither",
+        )
+    return foreign_call(column.name, *(motion[name] or ZERO for name in column.arguments))
 
 
 #: Names in the expressions that friction terms declare.

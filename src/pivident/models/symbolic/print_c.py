@@ -12,6 +12,7 @@ last: it is where the next state is followed from, so that a controller pays for
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -32,6 +33,7 @@ from pivident.models.symbolic.assignments import (
     closings_of,
 )
 from pivident.models.symbolic.print_python import argument_names, scalar_names
+from pivident.robot.friction_terms import friction_columns
 
 #: C with the functions defined in the file.
 _C = replace(C99, functions={**C99.functions, "atan": "arctangent"})
@@ -384,4 +386,7 @@ def _helpers(programs: Iterable[Assignments]) -> list[str]:
     for block in blocks[1:]:
         if any(f" {name}(" in block and used for name, used in wanted.items()):
             kept += ["", block.rstrip()]
+    for name in sorted(calls - {*C99.functions, "divide"}):
+        source = friction_columns()[name].c_source
+        kept += ["", re.sub(rf"(?<!static )\bdouble(?=\s+{name}\s*\()", "static double", source)]
     return kept

@@ -43,11 +43,20 @@ TERM_KINDS: Registry[TermKind] = Registry(
 )
 
 
+#: Columns that a program has declared for itself, by name; see ``dynamics.own_friction``.
+OWN_COLUMNS: dict[str, FrictionColumn] = {}
+
+
 @cache
-def friction_columns() -> dict[str, FrictionColumn]:
-    """All columns of friction by name."""
+def declared_columns() -> dict[str, FrictionColumn]:
+    """Columns of pivident and of other distributions by name."""
     kinds = TERM_KINDS.usable().values()
     return {column.name: column for kind in kinds for column in kind.columns}
+
+
+def friction_columns() -> dict[str, FrictionColumn]:
+    """All columns of friction by name."""
+    return declared_columns() | OWN_COLUMNS
 
 
 def column_named(name: str) -> FrictionColumn:
@@ -58,7 +67,8 @@ def column_named(name: str) -> FrictionColumn:
     """
     known = friction_columns()
     if name not in known:
-        raise UnusableValue("there is no such friction", advice=nearest(name, known))
+        own = f"if it is a function of your own, declare it first: own_friction({name!r}, …)"
+        raise UnusableValue("there is no such friction", advice=f"{nearest(name, known)}; {own}")
     return known[name]
 
 

@@ -102,7 +102,7 @@ _ROWS: tuple[tuple[int, str, tuple[str, ...]], ...] = (
         ("pivident.studies.many.study.bound.loop_noise",),
     ),
     (26, "its filter, and the inverse of it", (f"{_SIMULATION}.controllers.inverse_controller",)),
-    (27, "integrated random walk and its smoother", (f"{_SIGNALS}.random_walk.smooth",)),
+    (27, "integrated random walk and its smoother", (f"{_SIGNALS}.random_walk.irwsm",)),
     (
         28,
         "prefiltered instrumental variables",

@@ -22,7 +22,7 @@ class MissingObject(PividentError, LookupError):
 
 
 def object_named(name: str) -> Any:
-    """The object of a dotted name, such as ``pivident.signals.random_walk.smooth``.
+    """The object of a dotted name, such as ``pivident.signals.random_walk.irwsm``.
 
     Raises:
         MissingObject: there is none.

@@ -17,6 +17,7 @@ from pivident.dynamics.closed_chains.closed_dynamics import ClosedModel, closed_
 from pivident.dynamics.entry_plan import ACCELERATION, has_inner_signal, joint_entry
 from pivident.dynamics.friction_kernels import (
     friction_value_and_slope,
+    motion_values,
     position_value_and_slope,
 )
 from pivident.dynamics.kernels import Tree, tree_of
@@ -119,6 +120,10 @@ def _local(index, value, e, q, dq, ddq):
         f = ddq[a]
     elif index[e, _SIGN] <= _OF_POSITION:
         f, by_position = position_value_and_slope(function, first, value[e, _SECOND], q[a])
+    elif function < 0:
+        f, by_position, by_speed = motion_values(
+            function, index[e, _SIGN], value[e, _GAMMA], v, q[a]
+        )
     else:
         f, by_speed = friction_value_and_slope(
             function, index[e, _SIGN], value[e, _GAMMA], first, value[e, _SECOND], v
