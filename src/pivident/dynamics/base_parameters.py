@@ -24,7 +24,7 @@ from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.foundation.common_work import once
-from pivident.foundation.errors import ExperimentError
+from pivident.foundation.errors import ExperimentError, UnknownName
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 
@@ -99,12 +99,15 @@ class BaseParameters:
         """Position of a base parameter by its name, with or without the trailing ``r``.
 
         Raises:
-            KeyError: if there is none of that name.
+            UnknownName: there is none; names the nearest ones.
         """
         for k, (own, p) in enumerate(zip(self.names, self.parameters, strict=True)):
             if name.lower() in (own.lower(), p.name.lower()):
                 return k
-        raise KeyError(name)
+        heads = [p.name for p in self.parameters]
+        raise UnknownName(
+            f"no base parameter {name!r}", advice=nearest(name.lower().removesuffix("r"), heads)
+        )
 
     def _expression(self, k: int) -> str:
         text = self.parameters[k].name
@@ -271,7 +274,5 @@ def parameter_index(base: BaseParameters, name: str) -> int:
     """
     try:
         return base.index(name)
-    except KeyError:
-        bare = name.lower().removesuffix("r")
-        heads = [p.name for p in base.parameters]
-        raise ExperimentError(f"no base parameter {name!r}", advice=nearest(bare, heads)) from None
+    except UnknownName as error:
+        raise ExperimentError(error.fact, advice=error.advice) from None

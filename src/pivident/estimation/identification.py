@@ -22,7 +22,7 @@ from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import EquationNoise, Equations, TorqueSums
 from pivident.foundation.distributions import normal
-from pivident.foundation.errors import UnusableValue
+from pivident.foundation.errors import UnknownName, UnusableValue
 from pivident.foundation.text import display
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
@@ -30,6 +30,7 @@ from pivident.foundation.text.plain_values import Known, Limits, Name, Null, Siz
 from pivident.loop.instruments.given_motion import InstrumentsUsed
 from pivident.loop.simulation.control_loop import Loop
 from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
 
 #: Samples that are worked on at a time.
 BLOCK = 4096
@@ -273,12 +274,12 @@ class Identification(Displayed):
         """Estimate of one parameter, by its name with or without the trailing ``r``.
 
         Raises:
-            KeyError: names the parameters there are.
+            UnknownName: names the nearest parameters that there are.
         """
         for k, (own, p) in enumerate(zip(self.names, self.parameters, strict=True)):
             if name.lower() in (own.lower(), p.name.lower()):
                 return float(self.theta[k])
-        raise KeyError(f"no parameter {name!r}; there are {', '.join(self.names)}")
+        raise UnknownName(f"no parameter {name!r}", advice=nearest(name, self.names))
 
     def predict(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Torque of the identified model, Φ(q, dq, ddq) θ, shape (samples, joints) [N m or N].

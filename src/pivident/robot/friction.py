@@ -56,14 +56,14 @@ class FrictionLaw:
                 f"friction terms named twice: {', '.join(sorted(repeated))}", advice=advice
             )
         if {"fc", "fcp"} <= set(stems) or {"off", "fcp"} <= set(stems):
-            raise ValueError(
-                "asymmetric Coulomb friction (fcp, fcn) already contains fc and off: "
-                "drop the terms 'coulomb' and 'offset'"
+            raise UnusableValue(
+                "asymmetric Coulomb friction (fcp, fcn) already contains fc and off",
+                advice="drop the terms 'coulomb' and 'offset'",
             )
         if {"fv", "fvp"} <= set(stems):
-            raise ValueError(
-                "asymmetric viscous friction (fvp, fvn) already contains fv: drop the term "
-                "'viscous'"
+            raise UnusableValue(
+                "asymmetric viscous friction (fvp, fvn) already contains fv",
+                advice="drop the term 'viscous'",
             )
 
         values: dict[str, float] = {}

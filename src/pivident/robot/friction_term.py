@@ -27,7 +27,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any
 
-from pivident.foundation.errors import UnusableValue
+from pivident.foundation.errors import UnknownName, UnusableValue
 from pivident.foundation.text.plain_values import Called, Limits, Name
 from pivident.robot.friction_column import (
     Constant,
@@ -37,6 +37,7 @@ from pivident.robot.friction_column import (
     SignFunction,
     Smoothing,
 )
+from pivident.robot.naming import nearest
 
 #: γ times rated speed: 150 s/rad (Brunot et al. 2018) on the TX40's first axis of 5 rad/s.
 SLOPE_AT_RATED_SPEED = 750.0
@@ -66,7 +67,7 @@ class FrictionTerm:
 
     def __post_init__(self) -> None:
         if self.gamma is not None and not (math.isfinite(self.gamma) and self.gamma > 0):
-            raise ValueError(f"gamma of {self.stem!r} must be positive, not {self.gamma}")
+            raise UnusableValue(f"gamma of {self.stem!r} must be positive, not {self.gamma}")
         allowed = self.column.shape_counts
         if len(self.shapes) not in allowed:
             raise UnusableValue(
@@ -136,12 +137,15 @@ class FrictionTerm:
         """The constant of that name.
 
         Raises:
-            KeyError: the term has none.
+            UnknownName: the term has none.
         """
         for shape in self.shapes:
             if shape.name == name:
                 return shape
-        raise KeyError(name)
+        raise UnknownName(
+            f"the friction term {self.stem!r} has no constant {name!r}",
+            advice=nearest(name, [shape.name for shape in self.shapes]),
+        )
 
     def with_shapes(self, values: dict[str, float]) -> FrictionTerm:
         """The same term with other constants.

@@ -89,5 +89,5 @@ def test_refusals():
         model.intervals(confidence=1.0)
     with pytest.raises(ExperimentError, match="estimated, base or standard"):
         model.intervals(of="links")
-    with pytest.raises(KeyError, match="there are"):
+    with pytest.raises(KeyError, match="did you mean"):
         model.intervals().of("zz9")

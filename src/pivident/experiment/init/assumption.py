@@ -39,7 +39,7 @@ ORDER = (
 )
 
 
-class DraftError(PividentError):
+class DraftError(PividentError, ValueError):
     """A log or a robot of which no experiment file can be made."""
 
 

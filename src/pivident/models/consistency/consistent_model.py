@@ -19,7 +19,7 @@ from pivident.dynamics.parameters import Parameter
 from pivident.estimation.identification import Identification, estimated_in_base, torque_sums
 from pivident.estimation.solved_equations import TorqueSums
 from pivident.foundation.document.table import Column, Table
-from pivident.foundation.errors import ExperimentError, NoConsistentModelNear
+from pivident.foundation.errors import ExperimentError, NoConsistentModelNear, UnknownName
 from pivident.foundation.text.numbers import format_significant
 from pivident.foundation.text.plain_values import plain
 from pivident.models.consistency.constraints import (
@@ -154,12 +154,13 @@ class ConsistentModel:
         """A standard parameter by its name.
 
         Raises:
-            KeyError: if there is none of that name.
+            UnknownName: there is none; names the nearest ones.
         """
         for p, value in zip(self.parameters, self.values, strict=True):
             if p.name == name:
                 return float(value)
-        raise KeyError(f"no parameter {name!r}; {nearest(name, [p.name for p in self.parameters])}")
+        names = [p.name for p in self.parameters]
+        raise UnknownName(f"no parameter {name!r}", advice=nearest(name, names))
 
     def predict(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Torque of the consistent model, shape (samples, joints) [N m or N].

@@ -151,7 +151,7 @@ def _parameters(found: Identification, temperatures: np.ndarray | None) -> list[
 Say = Callable[[str], None]
 
 
-class FleetError(PividentError):
+class FleetError(PividentError, ValueError):
     """A fleet that cannot be identified or judged."""
 
 
