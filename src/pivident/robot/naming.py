@@ -38,6 +38,11 @@ def expand_xacro(name: str = "arm.urdf.xacro") -> str:
     )
 
 
+def numbered_joints(joints: int) -> list[str]:
+    """Names of joints that nobody named."""
+    return [f"joint_{j + 1}" for j in range(joints)]
+
+
 def nearest(name: str, known: Iterable[str]) -> NearestNames:
     """A half sentence that names the nearest known names, or lists all of them."""
     choices = list(known)

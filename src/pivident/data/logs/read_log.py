@@ -39,6 +39,7 @@ from pivident.data.logs.timestamps import without_repeats
 from pivident.data.logs.units import factor_to_si
 from pivident.foundation.errors import BadCell, PividentError, RecordingError, concerning
 from pivident.robot.description import Robot
+from pivident.robot.naming import numbered_joints
 from pivident.robot.transmission import Transmission
 
 
@@ -325,8 +326,3 @@ def file_paths(files: str | Path | Mapping[str, str | Path]) -> dict[str, Path]:
     if isinstance(files, Mapping):
         return {key: Path(path) for key, path in files.items()}
     return {"log": Path(files)}
-
-
-def numbered_joints(joints: int) -> list[str]:
-    """Names of joints that nobody named."""
-    return [f"joint_{j + 1}" for j in range(joints)]

@@ -32,7 +32,7 @@ from pivident.foundation.errors import RecordingError
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.printable import is_printable
 from pivident.robot.description import TorqueSide
-from pivident.robot.naming import nearest
+from pivident.robot.naming import nearest, numbered_joints
 from pivident.robot.transmission import Transmission
 
 __all__ = [
@@ -431,7 +431,7 @@ class Recording(Displayed):
         channels = {key: one_column(key, x) for key, x in ({"q": q, "tau": tau} | channels).items()}
         options["inputs"] = {key: one_column(key, values) for key, values in inputs.items()}
         joints = channels["q"].shape[-1] if channels["q"].ndim else 1
-        names = tuple(joint_names or (f"joint_{j + 1}" for j in range(joints)))
+        names = tuple(joint_names or numbered_joints(joints))
         return cls(name=name, joint_names=names, rate=rate, **channels, **options)
 
     @classmethod

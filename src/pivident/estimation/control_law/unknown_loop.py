@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.estimation.control_law.identified_law import (
     identify_controller,
@@ -172,7 +173,7 @@ def reconstruct_loop(
         ExperimentError: a recording has no reference and it is not to be reconstructed.
         IdentificationError: the law that comes out is none.
     """
-    recordings = tuple(recordings)
+    recordings = tuple(in_order_of(robot, recording) for recording in recordings)
     gain = np.broadcast_to(np.asarray(drive_gain, float), (robot.size,))
     if not reconstruct:
         if controller is not None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.estimation.auxiliary_model import loop_signals
 from pivident.foundation.text.numbers import format_significant
@@ -131,7 +132,7 @@ def held_out_errors(
         RobotDescriptionError: MuJoCo refuses a file.
         ExperimentError: a law that is no sampled law of single joints.
     """
-    recording, step = in_whole_periods(recording)
+    recording, step = in_whole_periods(in_order_of(fit.robot, recording))
     names = fit.robot.joint_names
     speed = np.gradient(recording.q, axis=0) * recording.rate
     signals, _ = loop_signals(fit.robot, loop, recording, recording.q, speed)
