@@ -21,10 +21,10 @@ from pivident.estimation.method import Method
 from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import EquationNoise, Equations, TorqueSums
-from pivident.foundation.distributions import normal
 from pivident.foundation.errors import UnknownName, UnusableValue
+from pivident.foundation.estimated import Estimated
 from pivident.foundation.text import display
-from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.display import Displayed, Summary
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.plain_values import Known, Limits, Name, Null, Sized
 from pivident.loop.instruments.given_motion import InstrumentsUsed
@@ -74,7 +74,7 @@ class JointFit:
 
 
 @dataclass(frozen=True, eq=False)
-class Identification(Displayed):
+class Identification(Estimated, Displayed):
     """Estimated base parameters with everything that came with them.
 
     Attributes:
@@ -192,24 +192,54 @@ class Identification(Displayed):
         return MotionRange.of(self.recordings) if self.recordings else self.motion
 
     @property
-    def params(self) -> dict[str, float]:
-        """Estimates by the names of their parameters, in the order of ``names``."""
-        return dict(zip(self.names, self.theta.tolist(), strict=True))
-
-    @property
     def units(self) -> tuple[str, ...]:
         """Unit of each parameter."""
         return tuple(p.unit for p in self.parameters)
 
-    @property
-    def std(self) -> np.ndarray:
-        """Standard errors of every interval that is shown or written, shape (parameters,).
+    def cov_params(self) -> np.ndarray:
+        """Covariance behind every interval that is shown, shape (parameters, parameters).
 
-        The robust ones, which hold for residuals of any colour and of changing variance; the
-        method's own where these are not known.
+        The robust one, which holds for residuals of any colour and of changing variance; the
+        method's own where it is not known. Its roots are ``std`` and ``bse``.
         """
-        robust = self.robust_std
-        return np.where(np.isfinite(robust), robust, self.method_std)
+        known = np.isfinite(np.diag(self.robust_covariance))
+        return np.where(np.outer(known, known), self.robust_covariance, self.covariance)
+
+    @property
+    def nobs(self) -> int:
+        """Number of equations that the estimate was made of: rows in use, all joints together."""
+        return sum(fit.rows for fit in self.joints)
+
+    @property
+    def rsquared(self) -> float:
+        """1 - ‖τ - Φθ‖²/‖τ‖², weighted as in the estimate, and not about the mean."""
+        return 1.0 - self.relative_error**2
+
+    @property
+    def fittedvalues(self) -> np.ndarray:
+        """Φθ of all recordings, one after the other, shape (samples, joints) [N m or N].
+
+        NaN where a sample of a joint is no equation of the estimate.
+
+        Raises:
+            UnusableValue: the identification was loaded and holds no signals.
+        """
+        return self._in_use("tau_model")
+
+    @property
+    def resid(self) -> np.ndarray:
+        """τ - Φθ, unfiltered, as ``fittedvalues``, shape (samples, joints) [N m or N]."""
+        return self._in_use("tau") - self._in_use("tau_model")
+
+    def _in_use(self, signal: str) -> np.ndarray:
+        """A torque of all recordings, NaN where it was not used."""
+        if not self.recordings:
+            raise UnusableValue(
+                "the identification holds no signals",
+                advice="it was loaded from a file; predict(result, recording) computes torques",
+            )
+        parts = (np.where(r.used, getattr(r, signal), np.nan) for r in self.recordings)
+        return np.concatenate(list(parts))
 
     @property
     def method_std(self) -> np.ndarray:
@@ -234,34 +264,6 @@ class Identification(Displayed):
         """100 σ/|θ| [%], shape (parameters,); infinite for an estimate of zero."""
         size = np.abs(self.theta)
         return np.divide(100.0 * self.std, size, out=np.full(size.shape, np.inf), where=size > 0)
-
-    def conf_int(self, level: float = 0.95) -> np.ndarray:
-        """Confidence intervals θ ± z σ with z = Φ⁻¹((1 + level)/2) of the normal distribution.
-
-        They rest on ``std``, as all intervals that are shown, which are those of z = 2 (a level of
-        0.9545), and hold for a model without systematic error. As with statsmodels
-        the lower bound stands in the first column. Where a bound of the parameter itself holds the
-        estimate, the interval ends there: it has the other side only.
-
-        Args:
-            level: probability that an interval holds the true value, between 0 and 1.
-
-        Returns:
-            Lower and upper bounds in ``units``, shape (parameters, 2).
-
-        Raises:
-            ValueError: ``level`` is not between 0 and 1.
-        """
-        if not 0.0 < level < 1.0:
-            raise UnusableValue(
-                f"level must be between 0 and 1, not {level}", advice="0.95 is usual"
-            )
-        half = float(normal.ppf(0.5 * (1.0 + level))) * self.std
-        ends = np.column_stack([self.theta - half, self.theta + half])
-        for k, side in enumerate(self.bound_sides):
-            if side:
-                ends[k, 0 if side == "low" else 1] = self.theta[k]
-        return ends
 
     @property
     def bound_sides(self) -> tuple[str, ...]:
@@ -298,9 +300,9 @@ class Identification(Displayed):
         headline = display.presentation.headline_of(self)
         return f"<Identification: {len(self.names)} parameters by {headline}>"
 
-    def summary(self) -> str:
-        """The result as a table: name, value, σ, relative σ, unit, group."""
-        return str(display.presentation.identification_text(self))
+    def summary(self) -> Summary:
+        """The result as text; ``as_html()`` and ``as_latex()`` give it for pages and papers."""
+        return Summary(display.presentation.identification_text(self), self)
 
     def save(self, folder: Any) -> None:
         """Write ``identification.json`` and ``parameters.csv`` into a folder, all or nothing.

@@ -27,6 +27,11 @@ def identification_text(result: Identification) -> str:
     return identification_table(result)
 
 
+def latex_of(result: Any) -> str:
+    """The estimates of a result as a table for LaTeX, with its headline above as a comment."""
+    return str(result.parameter_table().to_latex(repr(result).strip("<>")))
+
+
 def headline_of(result: Identification) -> str:
     """An identification on one line."""
     from pivident.estimation.summary import headline

@@ -175,27 +175,27 @@ class ConsistentModel:
         regressor = regressor_of(self.robot, self.parameters)
         return regressor.torque(q, dq, ddq, self.values)
 
-    def intervals(self, confidence: float = 0.95, of: str = "estimated") -> ProfileIntervals:
+    def intervals(self, level: float = 0.95, of: str = "estimated") -> ProfileIntervals:
         """Profile intervals over the consistent parameters, see `profile_intervals`.
 
         If parameters were left out of the estimate, the intervals can be wider than the free ones,
         which assume that those parameters are exactly zero.
 
         Args:
-            confidence: 0 to 1.
+            level: probability that an interval holds the true value, between 0 and 1.
             of: ``estimated``: the base parameters of ``theta``; ``base``: all base parameters;
                 ``standard``: all standard parameters.
 
         Raises:
-            IdentificationError: another confidence.
+            IdentificationError: another level.
             ExperimentError: another ``of``.
         """
-        key = (confidence, of)
+        key = (level, of)
         if key not in self._found:
-            self._found[key] = self._intervals(confidence, of)
+            self._found[key] = self._intervals(level, of)
         return self._found[key]
 
-    def _intervals(self, confidence: float, of: str) -> ProfileIntervals:
+    def _intervals(self, level: float, of: str) -> ProfileIntervals:
         base, everything = self._base, np.eye(len(self.parameters))
         if of not in ("estimated", "base", "standard"):
             raise ExperimentError(f"intervals of {of!r}: choose estimated, base or standard")
@@ -212,10 +212,10 @@ class ConsistentModel:
                 directions, chosen = directions[own], self.free.parameters
                 names = self.names
         low, high = profile_intervals(
-            self._space, self._constraints, self.least_distance, directions, confidence
+            self._space, self._constraints, self.least_distance, directions, level
         )
         return ProfileIntervals(
-            names, tuple(p.unit for p in chosen), directions @ self.values, low, high, confidence
+            names, tuple(p.unit for p in chosen), directions @ self.values, low, high, level
         )
 
     def headline(self) -> str:
