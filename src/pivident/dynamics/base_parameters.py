@@ -25,6 +25,7 @@ from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.foundation.common_work import once
 from pivident.foundation.errors import ExperimentError, UnknownName
+from pivident.foundation.text.display import Displayed
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 
@@ -33,7 +34,7 @@ DEPENDENCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class BaseParameters:
+class BaseParameters(Displayed):
     """The base parameters of a robot.
 
     Attributes:

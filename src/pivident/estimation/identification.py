@@ -24,7 +24,7 @@ from pivident.estimation.solved_equations import EquationNoise, Equations, Torqu
 from pivident.foundation.errors import UnknownName, UnusableValue
 from pivident.foundation.estimated import Estimated
 from pivident.foundation.text import display
-from pivident.foundation.text.display import Displayed, Summary
+from pivident.foundation.text.display import Displayed, Summary, in_one_line
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.plain_values import Known, Limits, Name, Null, Sized
 from pivident.loop.instruments.given_motion import InstrumentsUsed
@@ -37,7 +37,7 @@ BLOCK = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class Iteration:
+class Iteration(Displayed):
     """One pass of an iterative estimator."""
 
     #: Parameters after it, shape (parameters,).
@@ -104,7 +104,8 @@ class Identification(Estimated, Displayed):
             where they were arrays.
         motion: range of the fitted motion; that of a loaded identification, whose signals are not
             there.
-        loop: control loop that was simulated for the instruments; None: no loop was.
+        loop: control loop that was simulated for the instruments; None: no loop was, or the
+            identification was loaded, see ``loop_in_words``.
         instruments: where the instruments come from; None: there are none.
         equations: what the last pass was made of, for tests of instruments and covariances.
         torque_sums: sums of the fitted record from which the torque error of other parameters
@@ -113,8 +114,8 @@ class Identification(Estimated, Displayed):
             in files of versions that did not write it.
         simulation: how near a fitted simulation comes, with the unknowns of its loop; None: nothing
             was fitted by simulation.
-        loop_values: ``controller`` and ``reference`` as the file of a loaded identification
-            holds them; None for an identification that was made here.
+        loop_values: ``controller``, ``reference`` and ``loop`` as the file of a loaded
+            identification holds them; None for an identification that was made here.
     """
 
     method: str
@@ -162,6 +163,13 @@ class Identification(Estimated, Displayed):
         if self.method_used is None or not self.method_used.simulates_loop:
             return 0
         return sum(1 + made.halvings for made in self.history)
+
+    @property
+    def loop_in_words(self) -> str:
+        """The loop that was simulated on one line, also of a loaded result; empty without one."""
+        if self.loop is not None:
+            return in_one_line(self.loop).strip("<>")
+        return str((self.loop_values or {}).get("loop", ""))
 
     @property
     def is_decimated(self) -> bool:

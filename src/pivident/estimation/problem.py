@@ -32,7 +32,7 @@ from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.foundation.errors import ExperimentError, IdentificationError, concerning
-from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.display import Printed
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.sentences import listed
 from pivident.loop.motion.law_torque import with_law_torque
@@ -138,7 +138,7 @@ def _integrator(joints: Sequence[str]) -> Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Displayed):
+class Problem(Printed):
     """Robot, recordings and loop: everything but the method.
 
     Attributes:

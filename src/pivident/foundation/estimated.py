@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from pivident.foundation.distributions import normal
 from pivident.foundation.document.table import Column, Table
 from pivident.foundation.errors import UnknownName, UnusableValue
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.sentences import nearest
 
 #: Tests of linear hypotheses: a name, coefficients by name, several of both, or rows of them.
@@ -53,7 +54,7 @@ class ByName(dict[str, float]):
 
 
 @dataclass(frozen=True, eq=False)
-class LinearTests:
+class LinearTests(Displayed):
     """Tests of H₀: R θ = r, one for each row of R.
 
     Attributes:
@@ -89,7 +90,7 @@ class LinearTests:
 
     def table(self) -> Table:
         """One row for each hypothesis."""
-        columns = {
+        columns: dict[str, Column | list[str]] = {
             "hypothesis": [f"{a} = {b:g}" for a, b in zip(self.labels, self.value, strict=True)],
             "effect": Column(self.effect, spread=half_width(0.95) * self.sd),
             "t": Column(self.tvalue, digits=3),

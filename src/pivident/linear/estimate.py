@@ -90,8 +90,8 @@ class LinearEstimate(LinearModel):
     def account(self) -> Document:
         """The model as a document: its polynomials, parameters, poles, and how well it fits."""
         lines = [" ".join(line.split()) for line in _below(self)]
-        blocks = [_headline(self), *_in_one_line(self), self.parameter_table(), *lines]
-        return Document(self.method, [Part("Model", blocks)], sheet=self.parameter_table())
+        above = [_headline(self), *_in_one_line(self)]
+        return Document(self.method, [Part("Model", [*above, self.parameter_table(), *lines])])
 
     def summary(self) -> Summary:
         """The model as text; ``as_html()`` and ``as_latex()`` give it for pages and papers."""

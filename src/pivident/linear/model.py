@@ -23,6 +23,7 @@ import numpy as np
 from pivident.foundation.document.document import Accounted
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.estimated import Estimated
+from pivident.foundation.text.display import Displayed
 from pivident.signals.arma import Noise
 from pivident.signals.arma import ar as ar
 from pivident.signals.arma import arma as arma
@@ -232,7 +233,7 @@ def polynomials(model: LinearModel, theta: np.ndarray, which: int) -> tuple[np.n
 
 
 @dataclass(frozen=True)
-class Structure:
+class Structure(Displayed):
     """Orders, delays and hold of y = Σ_i B_i/A_i u_i(t - delay_i).
 
     θ holds the denominators without their ones, then the numerators, highest power first.

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from pivident.foundation.errors import UnusableValue
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.toml import toml_value
 from pivident.robot.friction_column import Shape
 from pivident.robot.friction_term import FrictionTerm, TermKind
@@ -36,7 +37,7 @@ from pivident.robot.naming import nearest
 
 
 @dataclass(frozen=True)
-class FrictionLaw:
+class FrictionLaw(Displayed):
     """A sum of friction terms, one for each parameter.
 
     Attributes:

@@ -28,6 +28,7 @@ from functools import cached_property
 from typing import Annotated, Any
 
 from pivident.foundation.errors import UnknownName, UnusableValue
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import Called, Limits, Name
 from pivident.robot.friction_column import (
     Constant,
@@ -48,7 +49,7 @@ _SIGNS = {"sign": "sign(dq)", "atan": "(2/π) atan(γ dq)", "tanh": "tanh(γ dq)
 
 
 @dataclass(frozen=True)
-class FrictionTerm:
+class FrictionTerm(Displayed):
     """One column of friction: parameter name stem, function and shape.
 
     Attributes:

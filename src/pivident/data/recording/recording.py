@@ -29,7 +29,7 @@ from pivident.data.recording.checks import (
     settled,
 )
 from pivident.foundation.errors import RecordingError
-from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.display import Printed
 from pivident.foundation.text.printable import is_printable
 from pivident.robot.description import TorqueSide
 from pivident.robot.naming import nearest, numbered_joints
@@ -46,7 +46,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class Recording(Displayed):
+class Recording(Printed):
     """One run, checked when it is made. Its arrays are float64 and read-only.
 
     Attributes:

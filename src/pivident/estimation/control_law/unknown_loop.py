@@ -30,6 +30,7 @@ from pivident.estimation.control_law.reference_reconstruction import (
     reconstruct_reference,
 )
 from pivident.foundation.errors import IdentificationError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import plus_minus
 from pivident.loop.simulation.control_loop import Loop, virtual_pd
 from pivident.loop.simulation.controllers import Controller
@@ -50,7 +51,7 @@ WITHOUT_GRAVITY = (
 
 
 @dataclass(frozen=True)
-class Feedback:
+class Feedback(Displayed):
     """Feedback of one joint, identified from the noise in the loop.
 
     Attributes:

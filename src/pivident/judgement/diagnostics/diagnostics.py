@@ -22,6 +22,7 @@ from pivident.estimation.parameter_rows import ParameterRange
 from pivident.estimation.problem import Problem
 from pivident.foundation.common_work import work_in_common
 from pivident.foundation.errors import Attempts, ExperimentError, PividentError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.judgement.audit.recording_audit import recording_faults
@@ -51,7 +52,7 @@ FOLDS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnostics:
+class Diagnostics(Displayed):
     """What was found out about the results of one problem.
 
     Attributes:

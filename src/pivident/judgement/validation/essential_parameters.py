@@ -39,6 +39,7 @@ from pivident.foundation.errors import (
     MassMatrixNotPositiveDefinite,
     SimulationDiverged,
 )
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import format_significant, with_spread
 from pivident.foundation.text.plain_table import plain_table
 from pivident.judgement.validation.elimination import (
@@ -56,7 +57,7 @@ ALPHA = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class EssentialParameters:
+class EssentialParameters(Displayed):
     """What is left, what went and why.
 
     Attributes:

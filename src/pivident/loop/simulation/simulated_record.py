@@ -27,6 +27,7 @@ from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.foundation.errors import ExperimentError, ShapeMismatch
+from pivident.foundation.text.display import Displayed
 from pivident.loop.simulation.closed_loop import LoopSignals, Trajectory, in_whole_counts
 from pivident.loop.simulation.closed_loop import simulate as simulate_loop
 from pivident.loop.simulation.control_loop import Loop, loop_feed_forward, with_measured_gravity
@@ -61,7 +62,7 @@ SETTLED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatedRecord:
+class SimulatedRecord(Displayed):
     """What `simulate` makes.
 
     Attributes:

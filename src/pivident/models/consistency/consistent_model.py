@@ -20,6 +20,7 @@ from pivident.estimation.identification import Identification, estimated_in_base
 from pivident.estimation.solved_equations import TorqueSums
 from pivident.foundation.document.table import Column, Table
 from pivident.foundation.errors import ExperimentError, NoConsistentModelNear, UnknownName
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import format_significant
 from pivident.foundation.text.plain_values import plain
 from pivident.models.consistency.constraints import (
@@ -60,7 +61,7 @@ MIN_BALL = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class ConsistentModel:
+class ConsistentModel(Displayed):
     """Physically possible standard parameters near an estimate.
 
     Attributes:

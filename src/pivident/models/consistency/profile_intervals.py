@@ -20,6 +20,7 @@ import numpy as np
 from pivident.foundation.distributions import chi_square
 from pivident.foundation.document.table import Column, Table
 from pivident.foundation.errors import IdentificationError, UnknownName
+from pivident.foundation.text.display import Displayed
 from pivident.models.consistency.cone_program import Requirement, Solved, solve_cone_program
 from pivident.models.consistency.constraints import Constraint
 from pivident.models.consistency.nearest_consistent import StandardSpace, imposed, within_distance
@@ -41,7 +42,7 @@ ENDS = {
 
 
 @dataclass(frozen=True, eq=False)
-class ProfileIntervals:
+class ProfileIntervals(Displayed):
     """Intervals of several quantities."""
 
     names: tuple[str, ...]  # of the quantities

@@ -59,7 +59,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Difference:
+class Difference(Displayed):
     """An estimate less the first one.
 
     Attributes:
@@ -134,7 +134,7 @@ def holm(p: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class ComparedParameter:
+class ComparedParameter(Displayed):
     """One quantity in all results.
 
     Attributes:

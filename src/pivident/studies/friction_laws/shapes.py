@@ -23,6 +23,7 @@ from pivident.estimation.methods import method_named
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import IdentificationError, UnknownName
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.numbers import format_significant
 from pivident.studies.friction_laws.filtered_rows import LastPass, ShapedRows
@@ -88,7 +89,7 @@ class IdentifiedShape:
 
 
 @dataclass(frozen=True, eq=False)
-class ShapedIdentification:
+class ShapedIdentification(Displayed):
     """Parameters and constants of shape, estimated together.
 
     Attributes:

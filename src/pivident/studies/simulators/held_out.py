@@ -10,6 +10,7 @@ import numpy as np
 from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.estimation.auxiliary_model import loop_signals
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import format_significant
 from pivident.loop.simulation.control_loop import Loop, with_measured_gravity
 from pivident.robot.description import Robot
@@ -25,7 +26,7 @@ WORSE = 1.1
 
 
 @dataclass(frozen=True, eq=False)
-class HeldOut:
+class HeldOut(Displayed):
     """Positions that MuJoCo gives beside those that were measured.
 
     Attributes:
