@@ -24,7 +24,7 @@ from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.foundation.common_work import once
-from pivident.foundation.errors import ExperimentError, UnknownName
+from pivident.foundation.errors import ExperimentError, UnknownName, UnusableValue
 from pivident.foundation.text.display import Displayed
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
@@ -81,6 +81,11 @@ class BaseParameters(Displayed):
             standard: standard parameters, shape (standard,).
         """
         standard = np.asarray(standard, dtype=float)
+        if standard.shape != (len(self.standard),):
+            raise UnusableValue(
+                f"the standard parameters have shape {standard.shape}",
+                advice=f"{(len(self.standard),)} is needed, in the order of `standard`",
+            )
         return standard[self.kept] + self.regrouping @ standard[self.dropped]
 
     def standard_from_base(self, base: np.ndarray) -> np.ndarray:

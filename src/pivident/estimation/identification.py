@@ -287,9 +287,9 @@ class Identification(Estimated, Displayed):
             UnknownName: names the nearest parameters that there are.
         """
         for k, (own, p) in enumerate(zip(self.names, self.parameters, strict=True)):
-            if name.lower() in (own.lower(), p.name.lower()):
+            if str(name).lower() in (own.lower(), p.name.lower()):
                 return float(self.theta[k])
-        raise UnknownName(f"no parameter {name!r}", advice=nearest(name, self.names))
+        raise UnknownName(f"no parameter {name!r}", advice=nearest(str(name), self.names))
 
     def predict(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Torque of the identified model, Φ(q, dq, ddq) θ, shape (samples, joints) [N m or N].

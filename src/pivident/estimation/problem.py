@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 
 from pivident.data.logs.torque_scale import OUTPUT_UNIT, is_ratio
-from pivident.data.recording.checks import check_within_reach
+from pivident.data.recording.checks import check_torques, check_within_reach
 from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import (
@@ -178,6 +178,7 @@ class Problem(Printed):
         object.__setattr__(self, "robot", _robot_of_torques(self.robot, self.recordings))
         matched = tuple(in_order_of(self.robot, recording) for recording in self.recordings)
         object.__setattr__(self, "recordings", matched)
+        check_torques(matched, self.robot)
         for recording in self.recordings:
             check_within_reach("q", recording.q, self.robot)
             if recording.q_ref is not None:

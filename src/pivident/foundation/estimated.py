@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from pivident.foundation.distributions import normal
 from pivident.foundation.document.table import Column, Table
-from pivident.foundation.errors import UnknownName, UnusableValue
+from pivident.foundation.errors import UnknownName, UnusableValue, require_kind
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.sentences import nearest
 
@@ -34,6 +35,7 @@ def half_width(level: float) -> float:
     Raises:
         UnusableValue: another level; below 0.5 its complement was meant.
     """
+    require_kind("level", level, Real, "0.95 is usual")
     if not 0.5 <= level < 1.0:
         meant = f"{1.0 - level:g}" if 0.0 < level < 0.5 else "0.95"
         raise UnusableValue(

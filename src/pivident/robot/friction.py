@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pivident.foundation.errors import UnusableValue
+from pivident.foundation.errors import UnusableValue, require_kind
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.toml import toml_value
 from pivident.robot.friction_column import Shape
@@ -47,6 +47,8 @@ class FrictionLaw(Displayed):
     terms: tuple[FrictionTerm, ...] = ()
 
     def __post_init__(self) -> None:
+        for term in self.terms:
+            require_kind("a friction term", term, FrictionTerm, "make it by its name, coulomb()")
         stems = [term.stem for term in self.terms]
         repeated = {stem for stem in stems if stems.count(stem) > 1}
         if repeated:

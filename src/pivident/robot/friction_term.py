@@ -27,7 +27,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any
 
-from pivident.foundation.errors import UnknownName, UnusableValue
+from pivident.foundation.errors import UnknownName, UnusableValue, require_kind
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import Called, Limits, Name
 from pivident.robot.friction_column import (
@@ -67,6 +67,7 @@ class FrictionTerm(Displayed):
     shapes: tuple[Shape, ...] = ()
 
     def __post_init__(self) -> None:
+        require_kind("column", self.column, FrictionColumn, "friction.terms has one for each name")
         if self.gamma is not None and not (math.isfinite(self.gamma) and self.gamma > 0):
             raise UnusableValue(f"gamma of {self.stem!r} must be positive, not {self.gamma}")
         allowed = self.column.shape_counts

@@ -8,7 +8,7 @@ from typing import Any
 
 from pivident.data.recording.checks import CHANNELS
 from pivident.data.recording.recording import Recording
-from pivident.foundation.errors import ExperimentError
+from pivident.foundation.errors import ExperimentError, require_kind
 from pivident.foundation.text.sentences import listed
 from pivident.robot.description import Robot
 from pivident.robot.naming import near_names, numbered_joints
@@ -30,6 +30,7 @@ def in_order_of(robot: Robot, recording: Recording) -> Recording:
     Raises:
         ExperimentError: other joints than those of the robot; names both.
     """
+    require_kind("recording", recording, Recording, "Recording.from_arrays makes one")
     wanted, there = robot.joint_names, recording.joint_names
     if there == wanted:
         return recording

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from pivident.foundation.errors import PividentError
+from pivident.foundation.errors import PividentError, UnknownName
 from pivident.foundation.extras import require
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.identifiers import latex_text, one_line
@@ -170,7 +170,8 @@ class Table(Displayed):
 
     def __getitem__(self, column: str) -> Values:
         if column not in self.columns:
-            raise KeyError(f"no column {column!r}; there are {', '.join(self.columns)}")
+            there = f"there are {', '.join(self.columns)}"
+            raise UnknownName(f"no column {column!r}", advice=there)
         return self._columns[column].values
 
     def rows(self) -> list[dict[str, Any]]:

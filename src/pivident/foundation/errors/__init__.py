@@ -34,8 +34,10 @@ from pivident.foundation.errors.kinds import (
     RobotDescriptionError,
     UnknownName,
     UnusableValue,
+    WrongKind,
     concerning,
     in_words,
+    require_kind,
 )
 from pivident.foundation.errors.recordings import (
     BadCell,
@@ -100,6 +102,8 @@ __all__ = [
     "UnstableFit",
     "UnusableSignal",
     "UnusableValue",
+    "WrongKind",
     "concerning",
     "in_words",
+    "require_kind",
 ]

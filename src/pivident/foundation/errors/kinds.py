@@ -128,6 +128,26 @@ class UnusableValue(PividentError, ValueError):
     """A value that cannot be used, as its type or a table of a file finds."""
 
 
+class WrongKind(PividentError, TypeError):
+    """An argument of another kind than is taken."""
+
+
+def require_kind(argument: str, value: Any, kind: Any, advice: str = "") -> None:
+    """Refuse an argument of another kind.
+
+    Args:
+        argument: its name.
+        value: what was given.
+        kind: class, or several as of ``isinstance``.
+        advice: what to give, a half sentence.
+
+    Raises:
+        WrongKind: names the argument, what was given and what to give.
+    """
+    if not isinstance(value, kind):
+        raise WrongKind(f"{argument} is of type {type(value).__name__}", advice=advice)
+
+
 class UnknownName(PividentError, KeyError):
     """A name of a parameter, a constant or a joint that is not there."""
 

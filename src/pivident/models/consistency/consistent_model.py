@@ -19,7 +19,12 @@ from pivident.dynamics.parameters import Parameter
 from pivident.estimation.identification import Identification, estimated_in_base, torque_sums
 from pivident.estimation.solved_equations import TorqueSums
 from pivident.foundation.document.table import Column, Table
-from pivident.foundation.errors import ExperimentError, NoConsistentModelNear, UnknownName
+from pivident.foundation.errors import (
+    ExperimentError,
+    NoConsistentModelNear,
+    UnknownName,
+    require_kind,
+)
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import format_significant
 from pivident.foundation.text.plain_values import plain
@@ -339,6 +344,8 @@ def make_consistent(
             fit.
         IdentificationError: a covariance that cannot serve as a metric.
     """
+    kinds = "give what identify returns; a robot's own values are stored_model(robot)"
+    require_kind("identification", identification, Identification, kinds)
     without_base(identification.robot, "physical consistency", "use the estimate as it is")
     if prior not in PRIORS:
         raise ExperimentError(
