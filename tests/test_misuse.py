@@ -49,7 +49,9 @@ def cases():
             "a name is of type int",
         ),
         "a rate of text": (
-            lambda: pv.Recording.from_arrays(run.q, run.tau, "1 kHz"), ValueError, "rate is '1 kHz'",
+            lambda: pv.Recording.from_arrays(run.q, run.tau, "1 kHz"),
+            ValueError,
+            "rate is '1 kHz'",
         ),
         "a signal of text": (lambda: srivc("u", "y", 0.01, 0, 1), ValueError, "array of numbers"),
         "too few standard parameters": (
