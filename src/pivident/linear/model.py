@@ -24,7 +24,7 @@ from pivident.foundation.document.document import Accounted
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.estimated import Estimated
 from pivident.foundation.text.display import Displayed
-from pivident.signals.arma import Noise
+from pivident.signals.arma import Noise as Noise
 from pivident.signals.arma import ar as ar
 from pivident.signals.arma import arma as arma
 from pivident.signals.arma import select_arma as select_arma
