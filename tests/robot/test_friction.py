@@ -107,7 +107,7 @@ def test_terms_of_a_polynomial_have_powers_of_their_own():
 def test_presliding_takes_the_place_of_coulomb_friction():
     with pytest.raises(ValueError, match="named twice: fc; 'dahl' and 'lugre' take the place"):
         FrictionLaw((coulomb(), dahl(1e-3)))
-    with pytest.raises(ValueError, match="already contains fv: drop"):
+    with pytest.raises(ValueError, match="already contains fv; drop"):
         FrictionLaw((viscous(), *asymmetric_viscous()))
 
 

@@ -24,7 +24,8 @@ from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.foundation.common_work import once
-from pivident.foundation.errors import ExperimentError
+from pivident.foundation.errors import ExperimentError, UnknownName, UnusableValue
+from pivident.foundation.text.display import Displayed
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 
@@ -33,7 +34,7 @@ DEPENDENCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class BaseParameters:
+class BaseParameters(Displayed):
     """The base parameters of a robot.
 
     Attributes:
@@ -80,6 +81,11 @@ class BaseParameters:
             standard: standard parameters, shape (standard,).
         """
         standard = np.asarray(standard, dtype=float)
+        if standard.shape != (len(self.standard),):
+            raise UnusableValue(
+                f"the standard parameters have shape {standard.shape}",
+                advice=f"{(len(self.standard),)} is needed, in the order of `standard`",
+            )
         return standard[self.kept] + self.regrouping @ standard[self.dropped]
 
     def standard_from_base(self, base: np.ndarray) -> np.ndarray:
@@ -99,12 +105,15 @@ class BaseParameters:
         """Position of a base parameter by its name, with or without the trailing ``r``.
 
         Raises:
-            KeyError: if there is none of that name.
+            UnknownName: there is none; names the nearest ones.
         """
         for k, (own, p) in enumerate(zip(self.names, self.parameters, strict=True)):
             if name.lower() in (own.lower(), p.name.lower()):
                 return k
-        raise KeyError(name)
+        heads = [p.name for p in self.parameters]
+        raise UnknownName(
+            f"no base parameter {name!r}", advice=nearest(name.lower().removesuffix("r"), heads)
+        )
 
     def _expression(self, k: int) -> str:
         text = self.parameters[k].name
@@ -271,7 +280,5 @@ def parameter_index(base: BaseParameters, name: str) -> int:
     """
     try:
         return base.index(name)
-    except KeyError:
-        bare = name.lower().removesuffix("r")
-        heads = [p.name for p in base.parameters]
-        raise ExperimentError(f"no base parameter {name!r}", advice=nearest(bare, heads)) from None
+    except UnknownName as error:
+        raise ExperimentError(error.fact, advice=error.advice) from None

@@ -33,7 +33,7 @@ from pivident.dynamics.kernels import (
 )
 from pivident.dynamics.parameters import Parameter
 from pivident.foundation.compiled import allocating
-from pivident.foundation.errors import LoopNotClosed
+from pivident.foundation.errors import LoopNotClosed, UnusableValue
 from pivident.robot.description import INERTIAL, Robot
 
 
@@ -142,5 +142,5 @@ def checked_states(robot: Robot, *signals: np.ndarray) -> list[np.ndarray]:
     wanted = (len(signals[0]), robot.size)
     if any(np.shape(x) != wanted for x in signals):
         shapes = ", ".join(str(np.shape(x)) for x in signals)
-        raise ValueError(f"arrays have shapes {shapes}, (samples, joints) = {wanted} is needed")
+        raise UnusableValue(f"arrays have shapes {shapes}, (samples, joints) = {wanted} is needed")
     return [np.ascontiguousarray(x, dtype=float) for x in signals]

@@ -25,6 +25,7 @@ from pivident.dynamics.friction_kernels import (
     values_at_states,
 )
 from pivident.foundation.compiled import kernel
+from pivident.foundation.errors import UnusableValue
 from pivident.robot.friction_column import SIGNS, evaluated
 from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.friction_terms.presliding import PRESLIDING, PRESLIDING_RATE
@@ -104,18 +105,18 @@ def friction_column(
     """
     column, sign, shape = term.encoded(simulated)
     if q is None and (term.depends_on_position or term.has_memory or term.column.of_motion):
-        raise ValueError(f"the term {term.column.name.upper()} needs the positions q")
+        raise UnusableValue(f"the term {term.column.name.upper()} needs the positions q")
     if term.has_memory:
         path = np.asarray(q)
         if path.shape != dq.shape or dq.ndim != 1:
-            raise ValueError(
+            raise UnusableValue(
                 "terms with memory need q and dq along one path, each of shape (samples,), not "
                 f"{path.shape} and {dq.shape}"
             )
         return memory_column(column, shape, path, dq)
     if load is None and term.depends_on_load:
         name = term.column.name.upper()
-        raise ValueError(f"the term {name} needs the torque that the joint carries")
+        raise UnusableValue(f"the term {name} needs the torque that the joint carries")
     if not term.column.expression:
         return column_values(term, VALUE, q, dq, load)
     quantities = {"dq": dq, "q": q, "load": load, "s": smoothed_sign(sign, shape[0], dq)}

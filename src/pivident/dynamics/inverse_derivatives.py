@@ -86,7 +86,7 @@ def inverse_dynamics_derivatives(
     wanted = (len(q), n)
     if any(np.shape(x) != wanted for x in (q, dq, ddq)):
         shapes = ", ".join(str(np.shape(x)) for x in (q, dq, ddq))
-        raise ValueError(f"arrays have shapes {shapes}, (samples, joints) = {wanted} is needed")
+        raise UnusableValue(f"arrays have shapes {shapes}, (samples, joints) = {wanted} is needed")
     if np.shape(theta) != (len(parameters),):
         raise UnusableValue(
             f"theta has shape {np.shape(theta)}", advice=f"{(len(parameters),)} is needed"

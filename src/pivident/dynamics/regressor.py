@@ -20,6 +20,7 @@ from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor_kernels import DENSE, PACKED, TORQUES, observe, tile_rows
 from pivident.foundation.errors import UnusableValue
 from pivident.foundation.scratch import working_array
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.threads import run_in_threads
 from pivident.robot.description import Robot
 
@@ -31,7 +32,7 @@ _own = threading.local()
 
 
 @dataclass(frozen=True, eq=False)
-class Regressor:
+class Regressor(Displayed):
     """The observation matrix of a robot for chosen parameters.
 
     Attributes:

@@ -17,13 +17,14 @@ from pivident.data.recording.recording import TorqueSource
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows, windows_of
 from pivident.estimation.normal_equations import JointSums
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import Sized
 from pivident.loop.motion.motion import Kinematics, SimulatedMotion
 from pivident.signals.prefilter import Prefilter
 
 
 @dataclass(frozen=True, eq=False)
-class FittedRecording:
+class FittedRecording(Displayed):
     """Signals of one recording as the estimator saw them, for plots; arrays (rows, joints)."""
 
     name: str  # name of the recording
@@ -90,7 +91,7 @@ OfJoints = Annotated[np.ndarray, Sized("joints")]
 
 
 @dataclass(frozen=True, eq=False)
-class MotionRange:
+class MotionRange(Displayed):
     """Range of the fitted motion: where an estimate knows the robot; arrays (joints,)."""
 
     low: OfJoints  # least positions [rad or m]

@@ -23,22 +23,23 @@ from pivident.estimation.method import Method
 from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import EquationNoise, Equations, TorqueSums
-from pivident.foundation.distributions import normal
-from pivident.foundation.errors import UnusableValue
+from pivident.foundation.errors import UnknownName, UnusableValue
+from pivident.foundation.estimated import Estimated
 from pivident.foundation.text import display
-from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.display import Displayed, Summary, in_one_line
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.plain_values import Known, Limits, Name, Null, Sized
 from pivident.loop.instruments.given_motion import InstrumentsUsed
 from pivident.loop.simulation.control_loop import Loop
 from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
 
 #: Samples that are worked on at a time.
 BLOCK = 4096
 
 
 @dataclass(frozen=True, eq=False)
-class Iteration:
+class Iteration(Displayed):
     """One pass of an iterative estimator."""
 
     #: Parameters after it, shape (parameters,).
@@ -75,7 +76,7 @@ class JointFit:
 
 
 @dataclass(frozen=True, eq=False)
-class Identification(Displayed):
+class Identification(Estimated, Displayed):
     """Estimated base parameters with everything that came with them.
 
     Attributes:
@@ -105,7 +106,8 @@ class Identification(Displayed):
             where they were arrays.
         motion: range of the fitted motion; that of a loaded identification, whose signals are not
             there.
-        loop: control loop that was simulated for the instruments; None: no loop was.
+        loop: control loop that was simulated for the instruments; None: no loop was, or the
+            identification was loaded, see ``loop_in_words``.
         instruments: where the instruments come from; None: there are none.
         equations: what the last pass was made of, for tests of instruments and covariances.
         torque_sums: sums of the fitted record from which the torque error of other parameters
@@ -114,8 +116,8 @@ class Identification(Displayed):
             in files of versions that did not write it.
         simulation: how near a fitted simulation comes, with the unknowns of its loop; None: nothing
             was fitted by simulation.
-        loop_values: ``controller`` and ``reference`` as the file of a loaded identification
-            holds them; None for an identification that was made here.
+        loop_values: ``controller``, ``reference`` and ``loop`` as the file of a loaded
+            identification holds them; None for an identification that was made here.
     """
 
     method: str
@@ -165,6 +167,13 @@ class Identification(Displayed):
         return sum(1 + made.halvings for made in self.history)
 
     @property
+    def loop_in_words(self) -> str:
+        """The loop that was simulated on one line, also of a loaded result; empty without one."""
+        if self.loop is not None:
+            return in_one_line(self.loop).strip("<>")
+        return str((self.loop_values or {}).get("loop", ""))
+
+    @property
     def is_decimated(self) -> bool:
         """Whether the method worked on low-passed and thinned rows rather than on all samples."""
         if self.equations is not None:
@@ -193,24 +202,54 @@ class Identification(Displayed):
         return MotionRange.of(self.recordings) if self.recordings else self.motion
 
     @property
-    def params(self) -> dict[str, float]:
-        """Estimates by the names of their parameters, in the order of ``names``."""
-        return dict(zip(self.names, self.theta.tolist(), strict=True))
-
-    @property
     def units(self) -> tuple[str, ...]:
         """Unit of each parameter."""
         return tuple(p.unit for p in self.parameters)
 
-    @property
-    def std(self) -> np.ndarray:
-        """Standard errors of every interval that is shown or written, shape (parameters,).
+    def cov_params(self) -> np.ndarray:
+        """Covariance behind every interval that is shown, shape (parameters, parameters).
 
-        The robust ones, which hold for residuals of any colour and of changing variance; the
-        method's own where these are not known.
+        The robust one, which holds for residuals of any colour and of changing variance; the
+        method's own where it is not known. Its roots are ``std`` and ``bse``.
         """
-        robust = self.robust_std
-        return np.where(np.isfinite(robust), robust, self.method_std)
+        known = np.isfinite(np.diag(self.robust_covariance))
+        return np.where(np.outer(known, known), self.robust_covariance, self.covariance)
+
+    @property
+    def nobs(self) -> int:
+        """Number of equations that the estimate was made of: rows in use, all joints together."""
+        return sum(fit.rows for fit in self.joints)
+
+    @property
+    def rsquared(self) -> float:
+        """1 - ‖τ - Φθ‖²/‖τ‖², weighted as in the estimate, and not about the mean."""
+        return 1.0 - self.relative_error**2
+
+    @property
+    def fittedvalues(self) -> np.ndarray:
+        """Φθ of all recordings, one after the other, shape (samples, joints) [N m or N].
+
+        NaN where a sample of a joint is no equation of the estimate.
+
+        Raises:
+            UnusableValue: the identification was loaded and holds no signals.
+        """
+        return self._in_use("tau_model")
+
+    @property
+    def resid(self) -> np.ndarray:
+        """τ - Φθ, unfiltered, as ``fittedvalues``, shape (samples, joints) [N m or N]."""
+        return self._in_use("tau") - self._in_use("tau_model")
+
+    def _in_use(self, signal: str) -> np.ndarray:
+        """A torque of all recordings, NaN where it was not used."""
+        if not self.recordings:
+            raise UnusableValue(
+                "the identification holds no signals",
+                advice="it was loaded from a file; predict(result, recording) computes torques",
+            )
+        parts = (np.where(r.used, getattr(r, signal), np.nan) for r in self.recordings)
+        return np.concatenate(list(parts))
 
     @property
     def method_std(self) -> np.ndarray:
@@ -236,34 +275,6 @@ class Identification(Displayed):
         size = np.abs(self.theta)
         return np.divide(100.0 * self.std, size, out=np.full(size.shape, np.inf), where=size > 0)
 
-    def conf_int(self, level: float = 0.95) -> np.ndarray:
-        """Confidence intervals θ ± z σ with z = Φ⁻¹((1 + level)/2) of the normal distribution.
-
-        They rest on ``std``, as all intervals that are shown, which are those of z = 2 (a level of
-        0.9545), and hold for a model without systematic error. As with statsmodels
-        the lower bound stands in the first column. Where a bound of the parameter itself holds the
-        estimate, the interval ends there: it has the other side only.
-
-        Args:
-            level: probability that an interval holds the true value, between 0 and 1.
-
-        Returns:
-            Lower and upper bounds in ``units``, shape (parameters, 2).
-
-        Raises:
-            ValueError: ``level`` is not between 0 and 1.
-        """
-        if not 0.0 < level < 1.0:
-            raise UnusableValue(
-                f"level must be between 0 and 1, not {level}", advice="0.95 is usual"
-            )
-        half = float(normal.ppf(0.5 * (1.0 + level))) * self.std
-        ends = np.column_stack([self.theta - half, self.theta + half])
-        for k, side in enumerate(self.bound_sides):
-            if side:
-                ends[k, 0 if side == "low" else 1] = self.theta[k]
-        return ends
-
     @property
     def bound_sides(self) -> tuple[str, ...]:
         """Bound that holds each estimate, ``low`` or ``high``; empty where none does."""
@@ -275,12 +286,12 @@ class Identification(Displayed):
         """Estimate of one parameter, by its name with or without the trailing ``r``.
 
         Raises:
-            KeyError: names the parameters there are.
+            UnknownName: names the nearest parameters that there are.
         """
         for k, (own, p) in enumerate(zip(self.names, self.parameters, strict=True)):
-            if name.lower() in (own.lower(), p.name.lower()):
+            if str(name).lower() in (own.lower(), p.name.lower()):
                 return float(self.theta[k])
-        raise KeyError(f"no parameter {name!r}; there are {', '.join(self.names)}")
+        raise UnknownName(f"no parameter {name!r}", advice=nearest(str(name), self.names))
 
     def predict(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Torque of the identified model, Φ(q, dq, ddq) θ, shape (samples, joints) [N m or N].
@@ -304,9 +315,9 @@ class Identification(Displayed):
         headline = display.presentation.headline_of(self)
         return f"<Identification: {len(self.names)} parameters by {headline}>"
 
-    def summary(self) -> str:
-        """The result as a table: name, value, σ, relative σ, unit, group."""
-        return str(display.presentation.identification_text(self))
+    def summary(self) -> Summary:
+        """The result as text; ``as_html()`` and ``as_latex()`` give it for pages and papers."""
+        return Summary(display.presentation.identification_text(self), self)
 
     def save(self, folder: Any) -> None:
         """Write ``identification.json`` and ``parameters.csv`` into a folder, all or nothing.

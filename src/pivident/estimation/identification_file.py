@@ -26,6 +26,7 @@ from pivident.foundation.codec import Layout
 from pivident.foundation.errors import PividentError
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.options import Options
+from pivident.foundation.text.display import in_one_line
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.plain_values import (
     LATER,
@@ -119,6 +120,7 @@ class IdentificationTable:
     condition: Annotated[float, Null(inf)]
     controller: Found
     reference: Found
+    loop: Annotated[str, LATER] = ""  # that was simulated, in words
     instruments: Annotated[InstrumentsUsed | None, LATER] = None
     options: dict[str, Any]
     warnings: tuple[Finding, ...]
@@ -161,10 +163,11 @@ def to_dict(identification: Identification) -> dict[str, Any]:
 
 
 def _loop_values(loop: Loop | None) -> dict[str, Any]:
-    """Law and reference that were found from the record; None where they were given."""
+    """Law and reference that were found from the record, None where they were given; its name."""
     if loop is None:
-        return {"controller": None, "reference": None}
-    return {"controller": loop.law_values(), "reference": loop.reference_values()}
+        return {"controller": None, "reference": None, "loop": ""}
+    found = {"controller": loop.law_values(), "reference": loop.reference_values()}
+    return found | {"loop": in_one_line(loop).strip("<>")}
 
 
 def _sums(identification: Identification) -> TorqueSums | None:

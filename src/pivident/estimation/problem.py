@@ -20,7 +20,8 @@ from typing import Literal
 import numpy as np
 
 from pivident.data.logs.torque_scale import OUTPUT_UNIT, is_ratio
-from pivident.data.recording.checks import check_within_reach
+from pivident.data.recording.checks import check_torques, check_within_reach
+from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import (
     BaseParameters,
@@ -31,7 +32,7 @@ from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.foundation.errors import ExperimentError, IdentificationError, concerning
-from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.display import Printed
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.sentences import listed
 from pivident.loop.motion.law_torque import with_law_torque
@@ -137,14 +138,15 @@ def _integrator(joints: Sequence[str]) -> Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Displayed):
+class Problem(Printed):
     """Robot, recordings and loop: everything but the method.
 
     Attributes:
         robot: the robot; for torques of sensors behind the gears without its rotors and drives,
             see `Robot.with_link_torques`.
-        recordings: one run or several that share the parameters. Those without torque get that
-            of the loop's known control law.
+        recordings: one run or several that share the parameters, their joints found by name, see
+            `pivident.data.recording.joint_order`. Those without torque get that of the loop's known
+            control law.
         loop: the control loop, from which IV and PIV make their instruments; None: they take them
             from the record itself.
         parameters: names of the base parameters to estimate (with or without the trailing
@@ -174,13 +176,10 @@ class Problem(Displayed):
         if not self.recordings:
             raise IdentificationError("no recording given", advice="at least one is needed")
         object.__setattr__(self, "robot", _robot_of_torques(self.robot, self.recordings))
+        matched = tuple(in_order_of(self.robot, recording) for recording in self.recordings)
+        object.__setattr__(self, "recordings", matched)
+        check_torques(matched, self.robot)
         for recording in self.recordings:
-            if recording.joints != self.robot.size:
-                raise ExperimentError(
-                    f"recording {recording.name!r} has {recording.joints} joints, robot "
-                    f"{self.robot.name!r} has {self.robot.size}",
-                    advice="map one column per joint",
-                )
             check_within_reach("q", recording.q, self.robot)
             if recording.q_ref is not None:
                 check_within_reach("q_ref", recording.q_ref, self.robot)

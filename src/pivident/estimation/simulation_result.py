@@ -10,6 +10,7 @@ import numpy as np
 
 from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.foundation.distributions import normal
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import LATER, Known, Limits, Null, Sized
 
 #: Root mean squares of errors of all joints; NaN where nothing was compared.
@@ -36,7 +37,7 @@ class LoopParameter:
 
 
 @dataclass(frozen=True, eq=False)
-class SimulationResult:
+class SimulationResult(Displayed):
     """How near the simulation comes, and what else of the loop was identified.
 
     Attributes:

@@ -43,6 +43,7 @@ from pivident.estimation.equation_record import EquationRecord, JointColumns
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.foundation.distributions import fisher
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import As, Limits, Sized
 from pivident.loop.motion.motion import Motion
 from pivident.signals.prefilter import Prefilter
@@ -152,7 +153,7 @@ LowerTriangle = As(Annotated[np.ndarray, Sized(None)], _lower, _positive_semidef
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueSums:
+class TorqueSums(Displayed):
     """Torque error of any parameters from sums over the fitted record, without its signals.
 
     Over the rows in use, with all base parameters β as columns of Φ and W = 1/rms² of each joint,
@@ -242,7 +243,7 @@ def _explained(gram: np.ndarray, right: np.ndarray) -> tuple[float, int]:
 
 
 @dataclass(frozen=True, eq=False)
-class EquationNoise:
+class EquationNoise(Displayed):
     """Noise of the equations that an estimate solved.
 
     Attributes:

@@ -144,7 +144,8 @@ def _identification(table: IdentificationTable, robot: Robot) -> Identification:
         "theta": np.array([p.value for p in table.parameters]),
         "recordings": (),
         "method_used": method_of_options(table.options, table.kind, table.method),
-        "loop_values": {"controller": table.controller, "reference": table.reference},
+        "loop": None,
+        "loop_values": {key: getattr(table, key) for key in ("controller", "reference", "loop")},
     }
     return Identification(**{key: getattr(table, key) for key in own} | covariances | made)
 

@@ -18,6 +18,7 @@ from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.display import Displayed
 
 #: Key of a declaration in the metadata of a field.
 DECLARED = "option"
@@ -97,7 +98,7 @@ def option(
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(Displayed):
     """A set of options, checked when it is made.
 
     Raises:
@@ -107,6 +108,13 @@ class Options:
     def __post_init__(self) -> None:
         for name, declared in declarations(type(self)).items():
             check_option(name, getattr(self, name), declared, choices_of(type(self), name))
+
+    def __repr__(self) -> str:
+        """The call that makes it: the options that differ from their defaults."""
+        shown = [f.name for f in fields(self) if f.init and f.repr]
+        texts = {name: repr(getattr(self, name)) for name in shown}
+        own = [f"{n}={x}" for n, x in texts.items() if x != repr(default_of(type(self), n))]
+        return f"{type(self).__name__}({', '.join(own)})"
 
 
 def declarations(kind: type[Options]) -> dict[str, Option]:

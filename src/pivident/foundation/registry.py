@@ -20,7 +20,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
-from pivident.foundation.errors import PividentError
+from pivident.foundation.errors import PividentError, PividentWarning
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Entry = TypeVar("Entry")
 
 
-class BrokenExtension(PividentError):
+class BrokenExtension(PividentError, RuntimeError):
     """An entry of another distribution that is not what its group takes, or cannot be imported.
 
     Attributes:
@@ -46,7 +46,7 @@ class BrokenExtension(PividentError):
         )
 
 
-class ExtensionWarning(UserWarning):
+class ExtensionWarning(PividentWarning):
     """An entry of another distribution is passed over."""
 
 

@@ -139,6 +139,7 @@ def discrete_estimate(
         x = record.simulated(theta, record.data.u)
         kept = ~record.mask & np.isfinite(x)
         fit = fit_of(record.data.y[kept], x[kept], variance, theta, covariance)
+        known = np.where(kept, x, np.nan)
     full = replace(structure, denominator_orders=(a.size - 1,))
     # a is linear in the estimated coefficients: one shifted copy of F for each
     expand = np.zeros((full.parameters, theta.size))
@@ -169,6 +170,8 @@ def discrete_estimate(
         iterations=iterations,
         converged=converged,
         warnings=tuple(warnings),
+        resid=record.data.y - known,
+        fittedvalues=known,
     )
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.signal import TransferFunction
 
+from pivident.foundation.document.document import Document, Part
 from pivident.foundation.extras import require
+from pivident.foundation.text.display import Summary
 from pivident.linear.model import LinearModel, gain
 from pivident.linear.sampled_data import simulate
 from pivident.signals.arma import Noise
@@ -45,6 +47,9 @@ class LinearEstimate(LinearModel):
         warnings: complete sentences.
         offset: what the output keeps while all inputs are zero, in its unit, and the standard
             error; None: not estimated.
+        resid: measured less simulated output, noise included, shape (samples,); NaN where a sample
+            was left out. None: the model was given, not estimated.
+        fittedvalues: simulated output, likewise.
     """
 
     def simulate(self, u: np.ndarray) -> np.ndarray:
@@ -82,8 +87,22 @@ class LinearEstimate(LinearModel):
 
         return step(self)
 
+    def account(self) -> Document:
+        """The model as a document: its polynomials, parameters, poles, and how well it fits."""
+        lines = [" ".join(line.split()) for line in _below(self)]
+        above = [_headline(self), *_in_one_line(self)]
+        return Document(self.method, [Part("Model", [*above, self.parameter_table(), *lines])])
+
+    def summary(self) -> Summary:
+        """The model as text; ``as_html()`` and ``as_latex()`` give it for pages and papers."""
+        return Summary(printed(self), self)
+
     def __str__(self) -> str:
         return printed(self)
+
+    def __repr__(self) -> str:
+        size, fit = len(self.names), f", R² = {self.fit.r2:.6g}" if self.fit.samples else ""
+        return f"<LinearEstimate: {size} parameters by {_headline(self)}{fit}>"
 
 
 #: Digits of a value whose standard error is rounding.
@@ -98,12 +117,32 @@ def printed(model: LinearModel) -> str:
     Args:
         model: an estimate; ``str(model)`` gives the same.
     """
-    time = "continuous time" if model.continuous else "discrete time"
-    samples = f", {model.fit.samples} samples" if model.fit.samples else ""
-    lines = [f"{model.method}, {time}, Ts = {model.dt:.6g} s{samples}", ""]
+    lines = [_headline(model), ""]
     for which in range(len(model.numerators)):
         lines += [*_fraction(model, which), ""]
-    lines += [*_parameters(model), ""]
+    return "\n".join([*lines, *_parameters(model), "", *_below(model)])
+
+
+def _headline(model: LinearModel) -> str:
+    """Method, kind of time, sampling period and length, on one line."""
+    time = "continuous time" if model.continuous else "discrete time"
+    samples = f", {model.fit.samples} samples" if model.fit.samples else ""
+    return f"{model.method}, {time}, Ts = {model.dt:.6g} s{samples}"
+
+
+def _in_one_line(model: LinearModel) -> Iterator[str]:
+    """Each input's transfer function as ``y = (b0 p + b1)/(p² + a1 p + a2) u``."""
+    for which, (b, a) in enumerate(zip(model.numerators, model.denominators, strict=True)):
+        above, below = (polynomial_text(part, model.continuous) for part in (b, a))
+        delay = model.delays[which]
+        after = f"(t - {delay * model.dt:.6g} s)" if delay else ""
+        name = f"u{which + 1}" if len(model.numerators) > 1 else "u"
+        yield f"{'y =' if which == 0 else '+'} ({above})/({below}) {name}{after}"
+
+
+def _below(model: LinearModel) -> list[str]:
+    """Poles, gains, noise and fit, a line for each."""
+    lines: list[str] = []
     common = model.common or len(model.denominators) == 1
     for which in range(1 if common else len(model.denominators)):
         label = "poles" if common else f"poles of u{which + 1}"
@@ -126,7 +165,7 @@ def printed(model: LinearModel) -> str:
         )
     if not model.converged:
         lines.append(f"not converged after {model.iterations} iterations")
-    return "\n".join([*lines, *(f"warning: {sentence}" for sentence in model.warnings)])
+    return [*lines, *(f"warning: {sentence}" for sentence in model.warnings)]
 
 
 def with_standard_error(value: float, std: float) -> str:

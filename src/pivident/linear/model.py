@@ -15,13 +15,16 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
+from pivident.foundation.document.document import Accounted
 from pivident.foundation.errors import IdentificationError
-from pivident.signals.arma import Noise
+from pivident.foundation.estimated import Estimated
+from pivident.foundation.text.display import Displayed
+from pivident.signals.arma import Noise as Noise
 from pivident.signals.arma import ar as ar
 from pivident.signals.arma import arma as arma
 from pivident.signals.arma import select_arma as select_arma
@@ -51,7 +54,7 @@ class Fit:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearModel:
+class LinearModel(Estimated, Accounted):
     """y = Σ_i B_i/A_i u_i(t - delay_i) + ξ with the fields of `LinearEstimate`."""
 
     method: str
@@ -72,6 +75,8 @@ class LinearModel:
     converged: bool = True
     warnings: tuple[str, ...] = ()
     offset: tuple[float, float] | None = None
+    resid: np.ndarray | None = field(default=None, repr=False)
+    fittedvalues: np.ndarray | None = field(default=None, repr=False)
 
     @property
     def numerator(self) -> np.ndarray:
@@ -98,10 +103,19 @@ class LinearModel:
             )
         return polynomials[0]
 
+    def cov_params(self) -> np.ndarray:
+        """Covariance of θ, shape (parameters, parameters)."""
+        return self.covariance
+
     @property
-    def std(self) -> np.ndarray:
-        """Standard deviations of θ, shape (parameters,)."""
-        return np.sqrt(np.diag(self.covariance))
+    def nobs(self) -> int:
+        """Number of samples that the estimate was made of."""
+        return self.fit.samples
+
+    @property
+    def rsquared(self) -> float:
+        """R_T² of the simulated output, about the mean of the measured one."""
+        return self.fit.r2
 
     @property
     def poles(self) -> tuple[np.ndarray, ...]:
@@ -219,7 +233,7 @@ def polynomials(model: LinearModel, theta: np.ndarray, which: int) -> tuple[np.n
 
 
 @dataclass(frozen=True)
-class Structure:
+class Structure(Displayed):
     """Orders, delays and hold of y = Σ_i B_i/A_i u_i(t - delay_i).
 
     θ holds the denominators without their ones, then the numerators, highest power first.

@@ -61,7 +61,11 @@ class SampledData:
 
 def columns_of(name: str, signal: np.ndarray) -> np.ndarray:
     """A signal as (samples, columns)."""
-    array = np.asarray(signal, dtype=float)
+    try:
+        array = np.asarray(signal, dtype=float)
+    except (TypeError, ValueError) as error:
+        advice = "give real numbers, shape (samples,)"
+        raise UnusableSignal(name, f"is no array of numbers ({error})", advice) from None
     columns = array[:, None] if array.ndim == 1 else array
     if columns.ndim != 2 or columns.size == 0:
         raise UnusableSignal(

@@ -307,6 +307,8 @@ def continuous_estimate(
             *(refined.noise.warnings if refined.noise else ()),
         ),
         offset=offset_of(data, structure, refined) if refined.theta.size > own else None,
+        resid=refined.residual,
+        fittedvalues=data.y - refined.residual,
     )
 
 

@@ -24,6 +24,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.identification import Identification
 from pivident.foundation.errors import ExportError
+from pivident.foundation.text.display import Printed
 from pivident.foundation.text.plain_values import Name
 from pivident.models.consistency.constraints import coupled_joints
 from pivident.models.consistency.pseudo_inertia import pseudo_inertia
@@ -48,7 +49,7 @@ class Origin:
 
 
 @dataclass(frozen=True, eq=False)
-class RunnableModel:
+class RunnableModel(Printed):
     """A robot with a value for each of its standard parameters.
 
     Attributes:

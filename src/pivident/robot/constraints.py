@@ -17,6 +17,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import Name, Sized
 from pivident.robot.frames import Pose
 
@@ -32,7 +33,7 @@ DIRECTIONS: dict[ClosureKind, tuple[tuple[int, int], ...]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Closure:
+class Closure(Displayed):
     """A frame of one link and a frame of another that meet.
 
     Attributes:
@@ -55,7 +56,7 @@ class Closure:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearConstraint:
+class LinearConstraint(Displayed):
     """Joints that move in proportion: Σ ratio_i q_i = offset (gears, belts, a ball screw).
 
     Attributes:
@@ -70,7 +71,7 @@ class LinearConstraint:
 
 
 @dataclass(frozen=True, eq=False)
-class Constraints:
+class Constraints(Displayed):
     """How the joints of a robot, which are independent, move those that are not.
 
     Attributes:

@@ -23,7 +23,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError
-from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.display import Printed
 from pivident.foundation.text.plain_values import Limits, Name
 from pivident.foundation.text.printable import is_printable
 from pivident.robot.constraints import Constraints
@@ -79,7 +79,7 @@ class UrdfFile:
 
 
 @dataclass(frozen=True, eq=False)
-class Robot(Displayed):
+class Robot(Printed):
     """A tree of links with everything that its dynamic model needs.
 
     Attributes:

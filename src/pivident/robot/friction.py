@@ -13,7 +13,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pivident.foundation.errors import UnusableValue
+from pivident.foundation.errors import UnusableValue, require_kind
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.toml import toml_value
 from pivident.robot.friction_column import Shape
 from pivident.robot.friction_term import FrictionTerm, TermKind
@@ -36,7 +37,7 @@ from pivident.robot.naming import nearest
 
 
 @dataclass(frozen=True)
-class FrictionLaw:
+class FrictionLaw(Displayed):
     """A sum of friction terms, one for each parameter.
 
     Attributes:
@@ -46,6 +47,8 @@ class FrictionLaw:
     terms: tuple[FrictionTerm, ...] = ()
 
     def __post_init__(self) -> None:
+        for term in self.terms:
+            require_kind("a friction term", term, FrictionTerm, "make it by its name, coulomb()")
         stems = [term.stem for term in self.terms]
         repeated = {stem for stem in stems if stems.count(stem) > 1}
         if repeated:
@@ -56,14 +59,14 @@ class FrictionLaw:
                 f"friction terms named twice: {', '.join(sorted(repeated))}", advice=advice
             )
         if {"fc", "fcp"} <= set(stems) or {"off", "fcp"} <= set(stems):
-            raise ValueError(
-                "asymmetric Coulomb friction (fcp, fcn) already contains fc and off: "
-                "drop the terms 'coulomb' and 'offset'"
+            raise UnusableValue(
+                "asymmetric Coulomb friction (fcp, fcn) already contains fc and off",
+                advice="drop the terms 'coulomb' and 'offset'",
             )
         if {"fv", "fvp"} <= set(stems):
-            raise ValueError(
-                "asymmetric viscous friction (fvp, fvn) already contains fv: drop the term "
-                "'viscous'"
+            raise UnusableValue(
+                "asymmetric viscous friction (fvp, fvn) already contains fv",
+                advice="drop the term 'viscous'",
             )
 
         values: dict[str, float] = {}

@@ -16,6 +16,7 @@ from importlib import import_module
 from types import CodeType
 from typing import Annotated, Any, Literal
 
+from pivident.foundation.errors import UnusableValue
 from pivident.foundation.text.plain_values import INFINITE_IN_WORDS, Name
 
 Smoothing = Literal["sign", "atan", "tanh"]
@@ -62,7 +63,7 @@ class Shape:
         if not self.low <= self.value <= self.high or not math.isfinite(self.value):
             bounds = "positive" if self.low > 0 and self.high == math.inf else "in its range"
             limits = "" if bounds == "positive" else f" ({self.low:g} to {self.high:g})"
-            raise ValueError(f"{self.name} must be {bounds}{limits}, not {self.value}")
+            raise UnusableValue(f"{self.name} must be {bounds}{limits}, not {self.value}")
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any
 
-from pivident.foundation.errors import UnusableValue
+from pivident.foundation.errors import UnknownName, UnusableValue, require_kind
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import Called, Limits, Name
 from pivident.robot.friction_column import (
     Constant,
@@ -37,6 +38,7 @@ from pivident.robot.friction_column import (
     SignFunction,
     Smoothing,
 )
+from pivident.robot.naming import nearest
 
 #: γ times rated speed: 150 s/rad (Brunot et al. 2018) on the TX40's first axis of 5 rad/s.
 SLOPE_AT_RATED_SPEED = 750.0
@@ -47,7 +49,7 @@ _SIGNS = {"sign": "sign(dq)", "atan": "(2/π) atan(γ dq)", "tanh": "tanh(γ dq)
 
 
 @dataclass(frozen=True)
-class FrictionTerm:
+class FrictionTerm(Displayed):
     """One column of friction: parameter name stem, function and shape.
 
     Attributes:
@@ -65,8 +67,9 @@ class FrictionTerm:
     shapes: tuple[Shape, ...] = ()
 
     def __post_init__(self) -> None:
+        require_kind("column", self.column, FrictionColumn, "friction.terms has one for each name")
         if self.gamma is not None and not (math.isfinite(self.gamma) and self.gamma > 0):
-            raise ValueError(f"gamma of {self.stem!r} must be positive, not {self.gamma}")
+            raise UnusableValue(f"gamma of {self.stem!r} must be positive, not {self.gamma}")
         allowed = self.column.shape_counts
         if len(self.shapes) not in allowed:
             raise UnusableValue(
@@ -137,12 +140,15 @@ class FrictionTerm:
         """The constant of that name.
 
         Raises:
-            KeyError: the term has none.
+            UnknownName: the term has none.
         """
         for shape in self.shapes:
             if shape.name == name:
                 return shape
-        raise KeyError(name)
+        raise UnknownName(
+            f"the friction term {self.stem!r} has no constant {name!r}",
+            advice=nearest(name, [shape.name for shape in self.shapes]),
+        )
 
     def with_shapes(self, values: dict[str, float]) -> FrictionTerm:
         """The same term with other constants.

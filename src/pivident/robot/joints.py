@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import INFINITE_IN_WORDS, LATER, As, Limits, Name, Sized
 from pivident.robot.frames import Matrix3, Vector3
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
@@ -31,7 +32,7 @@ INERTIAL = ("xx", "xy", "xz", "yy", "yz", "zz", "mx", "my", "mz", "m")
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class Joint(Displayed):
     """One degree of freedom.
 
     Attributes:
@@ -88,7 +89,7 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
+class Link(Displayed):
     """A moving body (fixed children merged into it) in its joint's frame.
 
     Attributes:

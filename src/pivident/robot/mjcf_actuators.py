@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from pivident.foundation.text.display import Displayed
 from pivident.robot.mjcf_model import (
     actuator_name,
     compiled,
@@ -30,7 +31,7 @@ from pivident.robot.naming import errors_name
 
 
 @dataclass(frozen=True)
-class ActuatorLaw:
+class ActuatorLaw(Displayed):
     """The law of the actuators of some joints.
 
     Attributes:

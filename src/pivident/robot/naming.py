@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from pivident.foundation.errors import RobotDescriptionError
-from pivident.foundation.text.sentences import NearestNames
+from pivident.foundation.text.sentences import near_names as near_names
+from pivident.foundation.text.sentences import nearest as nearest
 
 #: Endings of robot files: a name with one of them is a path.
 URDF_FILES = (".urdf", ".urdf.gz", ".URDF")
@@ -38,29 +38,9 @@ def expand_xacro(name: str = "arm.urdf.xacro") -> str:
     )
 
 
-def nearest(name: str, known: Iterable[str]) -> NearestNames:
-    """A half sentence that names the nearest known names, or lists all of them."""
-    choices = list(known)
-    close = near_names(name, choices)
-    text = f"known are {', '.join(map(repr, choices)) or 'none'}"
-    if close:
-        text = f"did you mean {' or '.join(map(repr, close))}?"
-    return NearestNames.of(text, name, close)
-
-
-def near_names(name: str, known: Iterable[str], likeness: float = 0.6) -> list[str]:
-    """Up to three known names that were probably meant, the nearest first.
-
-    If no name is similar as written, case is ignored; if that finds none either, a name of the same
-    letters in another order is accepted. ``likeness`` is the ratio of `difflib`, 0 to 1.
-    """
-    choices = list(known)
-    close = difflib.get_close_matches(name, choices, n=3, cutoff=likeness)
-    if close:
-        return close
-    plain = {choice.lower(): choice for choice in reversed(choices)}
-    found = difflib.get_close_matches(name.lower(), plain, n=3, cutoff=likeness)
-    return [plain[c] for c in found] or [c for c in choices if sorted(c) == sorted(name)]
+def numbered_joints(joints: int) -> list[str]:
+    """Names of joints that nobody named."""
+    return [f"joint_{j + 1}" for j in range(joints)]
 
 
 def frozen_example(joint: str) -> str:

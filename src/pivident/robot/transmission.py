@@ -16,11 +16,12 @@ import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.foundation.scratch import working_array
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import Sized
 
 
 @dataclass(frozen=True, eq=False)
-class Transmission:
+class Transmission(Displayed):
     """Reduction and drive gains of all joints.
 
     Attributes:

@@ -25,6 +25,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pivident.foundation.errors import IdentificationError
+from pivident.foundation.text.display import Displayed
 from pivident.signals.arma_likelihood import Likelihood, Point
 from pivident.signals.noise_models import ArModel, Criterion, fit_ar
 
@@ -48,7 +49,7 @@ _CANCELLING = 1e13
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class Noise(Displayed):
     """ξ = (C(z⁻¹)/D(z⁻¹)) e, var e = λ.
 
     Attributes:

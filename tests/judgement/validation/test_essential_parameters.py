@@ -59,7 +59,7 @@ def test_simulated_arm_keeps_the_true_set(arm):
 
 
 def test_foretold_estimate_is_that_of_a_new_identification(arm, by_ols):
-    done = EliminationRound(by_ols, by_ols, 1, level=1e-12, most=5)
+    done = EliminationRound(by_ols, by_ols, 1, alpha=1e-12, most=5)
     assert len(done.steps) == 5
     fewer = identify(
         replace(arm, parameters=done.names), LeastSquares(weighted=False, signals=Bandpass())
@@ -74,7 +74,7 @@ def test_foretold_estimate_is_that_of_a_new_identification(arm, by_ols):
 
 
 def test_joint_wald_is_the_f_ratio_of_residual_sums(arm, by_ols):
-    done = EliminationRound(by_ols, by_ols, 1, level=1e-12, most=4)
+    done = EliminationRound(by_ols, by_ols, 1, alpha=1e-12, most=4)
     fewer = identify(
         replace(arm, parameters=done.names), LeastSquares(weighted=False, signals=Bandpass())
     )
@@ -87,7 +87,7 @@ def test_joint_wald_is_the_f_ratio_of_residual_sums(arm, by_ols):
 
 
 def test_each_step_is_the_largest_relative_deviation(by_ols):
-    done = EliminationRound(by_ols, by_ols, 1, level=1e-9, most=3)
+    done = EliminationRound(by_ols, by_ols, 1, alpha=1e-9, most=3)
     relative = by_ols.robust_std / np.abs(by_ols.theta)
     assert done.steps[0].name == by_ols.names[int(np.argmax(relative))]
     assert done.steps[0].relative_std == pytest.approx(100 * relative.max())
@@ -107,7 +107,7 @@ def test_size_of_the_test_on_correlated_noise():
         record = axis.recording(made, 0.5, seed=seed)
         record = replace(record, tau=record.tau + noise[:, None])
         found = identify(axis.problem(record), FULL_RATE)
-        done = EliminationRound(found, found, 1, level=0.05, most=1)
+        done = EliminationRound(found, found, 1, alpha=0.05, most=1)
         kept += not any(s.name == "off1" for s in done.steps)
         formula += abs(found.theta[3]) > 2 * found.formula_std[3]
     # 5 % of 150 records: three deviations are 5.4 %

@@ -19,7 +19,7 @@ def test_far_from_all_limits_they_are_those_of_the_estimate():
     assert found.names == free.names
     assert found.low == pytest.approx(free.theta - 1.959964 * free.method_std, rel=1e-4)
     assert found.high == pytest.approx(free.theta + 1.959964 * free.method_std, rel=1e-4)
-    narrow = make_consistent(free).intervals(confidence=0.5)
+    narrow = make_consistent(free).intervals(level=0.5)
     assert narrow.high - narrow.low == pytest.approx(2 * 0.67449 * free.method_std, rel=1e-4)
 
 
@@ -85,9 +85,9 @@ def test_what_nothing_bounds_is_said():
 
 def test_refusals():
     model = make_consistent(synthetic_identification())
-    with pytest.raises(IdentificationError, match="confidence"):
-        model.intervals(confidence=1.0)
+    with pytest.raises(IdentificationError, match="level"):
+        model.intervals(level=1.0)
     with pytest.raises(ExperimentError, match="estimated, base or standard"):
         model.intervals(of="links")
-    with pytest.raises(KeyError, match="there are"):
+    with pytest.raises(KeyError, match="did you mean"):
         model.intervals().of("zz9")

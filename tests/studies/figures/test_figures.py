@@ -266,3 +266,40 @@ def test_nothing_heavy_before_it_is_needed_and_no_window():
     )
     said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert said.stdout.split("\n")[:2] == ["[]", "False"]
+
+
+def test_every_figure_is_drawn_into_axes_of_the_caller(result):
+    """One panel each, or several: nothing is made but what was asked for, in the caller's style."""
+    ls = synthetic_identification("IDIM-LS", seed=8)
+    (recording,) = result.recordings
+    run = pv.Recording("run", ("a", "b"), recording.q, recording.tau, 1000.0, q_ref=recording.q)
+    drawn = {
+        2: [
+            lambda ax: figures.figure_of_torques(result, ax=ax),
+            lambda ax: figures.figure_of_residual_spectra(result, ax=ax),
+            lambda ax: figures.figure_of_friction([ls, result], ax=ax),
+            lambda ax: figures.figure_of_convergence(result, ax=ax),
+            lambda ax: figures.figure_of_bandpass(1000.0, 20.0, ax=ax),
+            lambda ax: figures.figure_of_tracking(result, ["elbow"], ax=ax),
+            lambda ax: figures.figure_of_autocorrelations(result, ax=ax),
+        ],
+        1: [
+            lambda ax: figures.figure_of_torques(result, ["elbow"], ax=ax),
+            lambda ax: figures.figure_of_intervals([ls, result], ax=ax),
+            lambda ax: figures.figure_of_correlations(result, ax=ax),
+        ],
+        3: [lambda ax: figures.figure_of_reference(run, "a", ax=ax)],
+    }
+    with matplotlib.rc_context({"font.size": 13.0}):
+        for count, draw in ((n, each) for n, several in drawn.items() for each in several):
+            own = matplotlib.figure.Figure()
+            axes = own.subplots(count)
+            assert draw(axes) is own
+            given = list(np.ravel(axes))
+            assert all(ax.has_data() for ax in given) and not own.legends
+            assert not any(ax in given for ax in own.axes[count:])  # a scale or a second side
+            assert given[0].title.get_fontsize() > 12.0
+    with pytest.raises(PividentError, match=r"1 axes are given for 2 panels; .*subplots\(2\)"):
+        figures.figure_of_torques(result, ax=matplotlib.figure.Figure().subplots())
+    with pytest.raises(PividentError, match="for 1 panel;"):
+        figures.figure_of_torques(result, ["elbow"], ax="axes")

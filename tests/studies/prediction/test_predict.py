@@ -277,8 +277,8 @@ def test_consistent_and_runnable_models_predict_too():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"joint_names": ("elbow", "shoulder")}, "elbow, shoulder, the result those of another"),
-        ({"joint_names": ("a", "b")}, "has the joints a, b, the result"),
+        ({"joint_names": ("elbow", "hand")}, "elbow, hand, robot 'planar 2R' has shoulder, elbow"),
+        ({"joint_names": ("a", "b")}, "has the joints a, b, robot"),
     ],
 )
 def test_another_robots_recording_is_refused(change, message):

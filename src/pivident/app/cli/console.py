@@ -198,7 +198,7 @@ class Progress:
             self._status.console.print(Text(escaped(line)))
 
 
-class UsageError(PividentError):
+class UsageError(PividentError, ValueError):
     """A command line that cannot be understood."""
 
 

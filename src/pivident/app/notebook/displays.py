@@ -24,6 +24,7 @@ from pivident.estimation.summary import (
 )
 from pivident.foundation.document.document import Accounted, Document
 from pivident.foundation.document.table import Table
+from pivident.foundation.text.display import MAX_LINE, fields_in_words
 from pivident.foundation.text.finding import MARKS
 from pivident.foundation.text.numbers import format_exact, format_significant, percent
 from pivident.foundation.text.printable import escaped
@@ -33,6 +34,7 @@ from pivident.robot.description import Robot
 from pivident.studies.comparison.compare import Comparison
 from pivident.studies.comparison.remarks import findings, level_sentence
 from pivident.studies.comparison.side_by_side import difference_text, estimate_text
+from pivident.studies.tables.chosen import table
 
 #: Rows of a table that are shown; a notebook keeps what it shows.
 MAX_ROWS = 60
@@ -43,8 +45,47 @@ POINTS = 160
 
 @singledispatch
 def html_of(result: Any) -> str:
-    """A result as HTML, by its class."""
-    raise TypeError(f"there is no display of a {type(result).__name__}")
+    """A result as HTML, by its class: what it holds, where it has no display of its own."""
+    return table_html(contents(result))
+
+
+@singledispatch
+def contents(result: Any) -> Table:
+    """What a result holds, as a table: its fields with their values in a few words."""
+    names, values = zip(*fields_in_words(result, MAX_LINE), strict=True)
+    return Table(type(result).__name__, {"field": names, "value": values})
+
+
+@contents.register
+def robot_contents(robot: Robot) -> Table:
+    """The joints of a robot."""
+    return table(robot, "joints")
+
+
+@contents.register
+def recording_contents(recording: Recording) -> Table:
+    """Range of the positions and size of the torques of each joint."""
+    q, tau = recording.q, recording.tau
+    columns: dict[str, Any] = {
+        "joint": recording.joint_names,
+        "lowest position": q.min(axis=0),
+        "highest": q.max(axis=0),
+        "unit": ["rad or m"] * recording.joints,
+    }
+    if recording.torque_source != "none":
+        columns |= {
+            "rms torque": np.sqrt(np.mean(tau**2, axis=0)),
+            "largest": np.abs(tau).max(axis=0),
+            "unit of torque": ["N m or N"] * recording.joints,
+        }
+    return Table("joints", columns)
+
+
+@contents.register
+def problem_contents(problem: Problem) -> Table:
+    """The recordings of a problem."""
+    columns = table(problem, "recordings").columns
+    return Table("recordings", {name: own for name, own in columns.items() if name != "sha256"})
 
 
 @html_of.register

@@ -20,11 +20,26 @@ def html_of(result: Any) -> str:
     return html_of(result)
 
 
+def text_of(result: Any) -> str:
+    """A result as text: its one line, and a table of what it holds."""
+    from pivident.app.notebook.displays import contents
+
+    table = contents(result)
+    of_fields = table.name == type(result).__name__  # which its one line repeats
+    headline = table.name if of_fields else repr(result).strip("<>")
+    return f"{headline}\n\n{table.text()}"
+
+
 def identification_text(result: Identification) -> str:
     """An identification as a table."""
     from pivident.estimation.summary import identification_table
 
     return identification_table(result)
+
+
+def latex_of(result: Any) -> str:
+    """The estimates of a result as a table for LaTeX, with its headline above as a comment."""
+    return str(result.parameter_table().to_latex(repr(result).strip("<>")))
 
 
 def headline_of(result: Identification) -> str:

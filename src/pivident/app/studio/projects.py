@@ -36,7 +36,7 @@ MAX_EARLIER = 50
 _NAME = re.compile(r"[^\W_][\w .,()+-]{0,79}")
 
 
-class ProjectError(PividentError):
+class ProjectError(PividentError, ValueError):
     """A project that is not there, cannot be made, or was changed meanwhile."""
 
 

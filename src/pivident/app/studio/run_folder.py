@@ -47,7 +47,7 @@ _RUN = re.compile(r"[0-9]{3,6}")
 _RESULT = re.compile(r"([0-9]{3,6})-([a-z]+)")
 
 
-class RunError(PividentError):
+class RunError(PividentError, RuntimeError):
     """A run that cannot be added, found or removed."""
 
 

@@ -33,7 +33,7 @@ _RESULT = re.compile(r"(?:results/)?([0-9]{3,6}-[a-z]+)(?:/([a-z0-9-]+))?")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+:-]{0,63}")
 
 
-class StepError(PividentError):
+class StepError(PividentError, ValueError):
     """A step that does not exist, or an argument that it does not take."""
 
 

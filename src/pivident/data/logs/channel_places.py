@@ -22,7 +22,6 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -92,7 +91,7 @@ def locate(name: str, spec: ColumnSpec, files: Collection[str]) -> ChannelPlace:
     return ChannelPlace(name, str(file), tuple(str(entry) for entry in entries), per_joint)
 
 
-def array_of(column: str, known: Sequence[str], path: Path) -> str:
+def array_of(column: str, known: Sequence[str], path: Any) -> str:
     """The array in the file that a column's description names."""
     if column in known:
         return column

@@ -93,7 +93,7 @@ def in_order(channel: ClockedChannel) -> ClockedChannel:
 def onto_one_clock(
     channels: Sequence[ClockedChannel],
     rate: float | None = None,
-    part: tuple[float, float] | None = None,
+    part: Sequence[float] | None = None,
 ) -> Aligned:
     """Interpolate channels at the same uniform instants; rate [Hz], part [s].
 
@@ -117,7 +117,7 @@ def onto_one_clock(
     return Aligned(grid, rate, values, (*done, *_account(channels, grid, rate)))
 
 
-def _around(channel: ClockedChannel, part: tuple[float, float]) -> ClockedChannel:
+def _around(channel: ClockedChannel, part: Sequence[float]) -> ClockedChannel:
     """The samples of a part and one on either side, in the order of the log."""
     inside = np.flatnonzero((channel.t >= part[0]) & (channel.t < part[1]))
     if inside.size < 2:  # refused where it is cut
@@ -195,7 +195,7 @@ def onto_sparsest(channels: Sequence[ClockedChannel]) -> ClockedChannel:
 
 
 def _shared(
-    channels: Sequence[ClockedChannel], part: tuple[float, float] | None
+    channels: Sequence[ClockedChannel], part: Sequence[float] | None
 ) -> tuple[float, float]:
     """First and last instant that all channels cover."""
     for channel in channels[1:]:

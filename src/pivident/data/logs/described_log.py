@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from pivident.data.logs.log import (
     on_joint_side,
     sides_of,
 )
-from pivident.data.logs.read_log import file_paths, read_log, without_bad_samples
+from pivident.data.logs.read_log import Reading, file_paths, read_log, without_bad_samples
 from pivident.data.logs.recognition.log_clock import clocks_in, is_clock, names_time
 from pivident.data.logs.recognition.log_file import (
     ChannelColumns,
@@ -64,7 +64,7 @@ def described_log(
     torque_timing: str | None = None,
     control_rate: float | None = None,
     delay: float | None = None,
-    **description: Any,
+    **description: Unpack[Reading],
 ) -> Log:
     """A log whose columns are described as for `load_recording`.
 
@@ -96,7 +96,7 @@ def described_log(
         bad = log.bad if have_one_clock(list(log.own_clocks.values())) else ()
         log = replace(log, logged=logged, clocks=clocks, columns={}, notes=tuple(notes), bad=bad)
     else:
-        log = _with_clocks(log, file_paths(files))
+        log = _with_clocks(log, {k: p for k, p in file_paths(files).items() if isinstance(p, Path)})
     rate = None if log.resample and log.clocks else log.rate  # it is not that of the stamps
     channels, commands = in_si(log)
     return replace(
@@ -169,7 +169,7 @@ def on_one_clock(channels: Sequence[ClockedChannel], rate: float | None) -> OnOn
         done = list(dict.fromkeys(note for c in channels for note in c.notes))
         return {c.channel: c.values for c in channels}, {channels[0].clock: channels[0].t}, done
     whole = [_without_holes(channel) for channel in channels]
-    part: tuple[float, float] | None = None
+    part: Sequence[float] | None = None
     notes: list[str] = []
     for last in [False] * 8 + [True]:
         try:

@@ -21,6 +21,7 @@ from pivident.data.logs.torque_scale import TorqueScale
 from pivident.data.logs.units import factor_to_si
 from pivident.foundation.errors import PividentError, RecordingError
 from pivident.foundation.scratch import working_array
+from pivident.foundation.text.display import Displayed
 from pivident.robot.description import Robot
 from pivident.robot.transmission import Transmission
 
@@ -42,7 +43,7 @@ class Description:
 
 
 @dataclass(frozen=True, eq=False)
-class Log:
+class Log(Displayed):
     """One log, read and not judged.
 
     Attributes:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from pivident.data.logs.channel_places import (
 )
 from pivident.data.logs.clock_alignment import ClockedChannel
 from pivident.data.logs.file_columns import lenient_table
+from pivident.data.logs.frame import Frame
 from pivident.data.logs.log import CHANNELS, Description, Log
 from pivident.data.logs.source_files import SourceFile, printable_name
 from pivident.data.logs.tables.tables import names_in, read_table
@@ -39,11 +40,12 @@ from pivident.data.logs.timestamps import without_repeats
 from pivident.data.logs.units import factor_to_si
 from pivident.foundation.errors import BadCell, PividentError, RecordingError, concerning
 from pivident.robot.description import Robot
+from pivident.robot.naming import numbered_joints
 from pivident.robot.transmission import Transmission
 
 
 def stamp_channels(
-    spec: Any, channels: Mapping[str, ChannelPlace], paths: Mapping[str, Path]
+    spec: Any, channels: Mapping[str, ChannelPlace], paths: Mapping[str, Path | Frame]
 ) -> dict[str, ChannelPlace]:
     """The columns of time stamps: one as ``t``, or one for each channel as ``t.<channel>``."""
     if spec is None:
@@ -52,13 +54,13 @@ def stamp_channels(
     if (
         not by_channel
         and isinstance(spec, Mapping)
-        and is_bag(paths.get(str(spec.get("file")), ""))
+        and _is_bag(paths.get(str(spec.get("file")), ""))
     ):
         spec = spec["columns"]  # a bag has stamps for each of its topics
     if isinstance(spec, str) and "t" not in paths:
         # A name alone is looked up beside each channel, where these are in several files or a bag.
         in_files = {channel.file for channel in channels.values()}
-        if len(in_files) > 1 or any(is_bag(paths[file]) for file in in_files):
+        if len(in_files) > 1 or any(_is_bag(paths[file]) for file in in_files):
             spec, by_channel = dict.fromkeys(channels, spec), True
     if not by_channel:
         return {"t": locate("t", spec, paths)}
@@ -80,7 +82,7 @@ def stamp_channels(
 
 def read_channels(
     channels: Mapping[str, ChannelPlace],
-    paths: Mapping[str, Path],
+    paths: Mapping[str, Path | Frame],
     joints: int | None,
     samples_axis: int | None,
     joint_names: Sequence[str],
@@ -93,10 +95,10 @@ def read_channels(
         here = [channel for channel in channels.values() if channel.file == key]
         if not here:
             continue
-        if is_bag(path):
+        if not isinstance(path, Frame) and is_bag(path):
             clocked |= _from_bag(here, path, joint_names)
             continue
-        known = names_in(path)
+        known = path.names if isinstance(path, Frame) else names_in(path)
         needed = set()
         for channel in here:
             with concerning(*channel.keys):
@@ -141,8 +143,17 @@ def _assembled(channel: ChannelPlace, *given: Any) -> np.ndarray:
         return assemble(channel, *given)
 
 
-def _table(path: Path, names: Sequence[str], faults: list[PividentError]) -> dict[str, np.ndarray]:
+def _is_bag(path: Path | Frame | str) -> bool:
+    """Whether it is a bag, rather than a file of columns or a frame."""
+    return not isinstance(path, Frame) and is_bag(path)
+
+
+def _table(
+    path: Path | Frame, names: Sequence[str], faults: list[PividentError]
+) -> dict[str, np.ndarray]:
     """Columns of a file, NaN where a cell is no number."""
+    if isinstance(path, Frame):
+        return path.read(names)
     try:
         return read_table(path, names)
     except BadCell as error:
@@ -176,8 +187,23 @@ def _from_bag(
     return found
 
 
+class Reading(TypedDict, total=False):
+    """How a log is read: keywords of `read_log`."""
+
+    units: Mapping[str, Any] | None
+    side: Any
+    robot: Robot | None
+    transmission: Transmission | None
+    joint_names: Sequence[str] | None
+    rate: float | None
+    resample: bool
+    samples_axis: int | None
+    position_offset: Sequence[float] | None
+    name: str | None
+
+
 def read_log(
-    files: str | Path | Mapping[str, str | Path],
+    files: Any,
     columns: Mapping[str, Any],
     *,
     units: Mapping[str, Any] | None = None,
@@ -194,7 +220,7 @@ def read_log(
     """Channels as they were logged, with the description that converts them to SI.
 
     Args:
-        files: the log, or several files by key, as of `pivident.load_recording`; likewise:
+        files: the log, several files by key, or a frame, as of `pivident.load_recording`; likewise:
         columns: columns of each channel.
         units: units of the log.
         side: ``joint`` or ``motor``, for all channels or by channel.
@@ -248,14 +274,14 @@ def read_log(
     in_use = [paths[key] for key in dict.fromkeys(place.file for place in places.values())]
     first = places.get("q", next(iter(places.values()), None))
     log = Log(
-        name or printable_name(paths[first.file] if first else next(iter(paths.values()))),
+        name or _name_of(paths[first.file] if first else next(iter(paths.values()))),
         tuple(joint_names or numbered_joints(size)),
         stamps,
         {},
         rate,
         logged,
         robot=robot,
-        sources=tuple(SourceFile.of(path) for path in in_use),
+        sources=tuple(p.source if isinstance(p, Frame) else SourceFile.of(p) for p in in_use),
         side=side.get("q", "joint") if isinstance(side, Mapping) else side,
         resample=resample,
         description=Description(units or {}, side, transmission, position_offset, clock),
@@ -320,13 +346,15 @@ def _of_rows(log: Log, keep: np.ndarray, note: str) -> Log:
     )
 
 
-def file_paths(files: str | Path | Mapping[str, str | Path]) -> dict[str, Path]:
-    """Files by key; a single one is called ``log``."""
+def _name_of(path: Path | Frame) -> str:
+    """What a log is called that nobody named."""
+    return path.name if isinstance(path, Frame) else printable_name(path)
+
+
+def file_paths(files: Any) -> dict[str, Path | Frame]:
+    """Files by key; a single one, or a frame, is called ``log``."""
+    if Frame.is_one(files):
+        return {"log": Frame(files)}
     if isinstance(files, Mapping):
         return {key: Path(path) for key, path in files.items()}
     return {"log": Path(files)}
-
-
-def numbered_joints(joints: int) -> list[str]:
-    """Names of joints that nobody named."""
-    return [f"joint_{j + 1}" for j in range(joints)]

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from numbers import Real
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -61,7 +62,7 @@ def check_length(samples: int) -> None:
 
 def check_positive(name: str, value: float) -> None:
     """Refuse a rate that is not a positive, finite number."""
-    if not (np.isfinite(value) and value > 0):
+    if not isinstance(value, Real) or not (np.isfinite(value) and value > 0):
         raise RecordingError(f"{name} is {value!r} Hz", advice="a positive number is needed")
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,7 @@ from pivident.foundation.errors import (
     concerning,
 )
 from pivident.foundation.scratch import working_array
-from pivident.robot.description import Robot
+from pivident.robot.description import Robot, TorqueSide
 from pivident.robot.wrench_sensor import WrenchSensor
 
 #: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
@@ -55,6 +55,21 @@ SOURCE_SENTENCES = {
 }
 #: What to do with a torque that is cut off at a limit.
 Saturation = Literal["refuse", "allow"]
+
+
+class RecordingOptions(TypedDict, total=False):
+    """Fields of a recording that are not signals, see `Recording`."""
+
+    control_rate: float
+    torque_timing: TorqueTiming
+    delay: float
+    drive_delay: float
+    start_time: float
+    torque_side: TorqueSide
+    torque_scale: tuple[Any, ...]
+    allow_constant: bool
+    saturation: Saturation
+    notes: tuple[str, ...]
 
 
 def clipped_samples(tau: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -149,6 +164,26 @@ def check_not_saturated(
             first = int(clipped[0])
             value = float(tau[first, j])
             raise SaturatedSignal(channel, joint, value, clipped.size, len(tau), first)
+
+
+def check_torques(recordings: Sequence[Any], robot: Robot) -> None:
+    """Refuse a driven joint that moves while its measured torque is zero at every sample.
+
+    Args:
+        recordings: the runs, one column for each joint.
+        robot: whose joints they are.
+
+    Raises:
+        RecordingError: names the joint.
+    """
+    measured = [r for r in recordings if r.torque_source == "measured"]
+    for j, joint in enumerate(robot.joints if measured else ()):
+        if joint.motion == "driven" and not any(r.tau[:, j].any() for r in measured):
+            if any(np.ptp(r.q[:, j]) for r in measured):
+                raise RecordingError(
+                    f"the torque of joint {joint.name!r} is zero at every sample, and it moves",
+                    advice="check its column of tau; no parameter of its drive can be estimated",
+                ).about("columns", "tau")
 
 
 def check_times(**given: float) -> None:

@@ -24,7 +24,7 @@ class Clock:
     rate: float | None  # declared or wanted rate [Hz], or None
     resample: bool  # whether new samples may be made
     unit_given: bool  # whether their unit was given; it is checked otherwise
-    part: tuple[float, float] | None  # times to keep to [s], or None
+    part: Sequence[float] | None  # times to keep to [s], or None
 
 
 @dataclass(frozen=True)

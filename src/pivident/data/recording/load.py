@@ -10,17 +10,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Unpack, get_args
 
 import numpy as np
 
 from pivident.data.logs.channel_places import TABLES, ColumnSpec, body_channels, columns_of
 from pivident.data.logs.clock_alignment import ClockedChannel
+from pivident.data.logs.frame import SupportsColumns
 from pivident.data.logs.log import Description, Log, factors_of, gains_of, on_joint_side, sides_of
 from pivident.data.logs.read_log import read_log
 from pivident.data.logs.torque_scale import torque_scales
 from pivident.data.logs.units import UnitSpec, check_kind
 from pivident.data.recording import checks
+from pivident.data.recording.checks import RecordingOptions
 from pivident.data.recording.clock import Clock, beside_torque, on_one_clock
 from pivident.data.recording.measured_wrenches import with_wrenches
 from pivident.data.recording.recording import CHANNELS, Recording
@@ -56,7 +58,7 @@ Side = Literal["joint", "motor"]
 
 
 def load_recording(
-    files: str | Path | Mapping[str, str | Path],
+    files: str | Path | Mapping[str, Any] | SupportsColumns,
     columns: Mapping[str, ColumnSpec | Mapping[str, ColumnSpec]],
     *,
     units: Mapping[str, Any] | None = None,
@@ -69,15 +71,16 @@ def load_recording(
     samples_axis: int | None = None,
     position_offset: Sequence[float] | None = None,
     name: str | None = None,
-    part: tuple[float, float] | None = None,
-    **options: Any,
+    part: Sequence[float] | None = None,
+    **options: Unpack[RecordingOptions],
 ) -> Recording:
     """Read a log into a checked recording, SI and joint side.
 
     Args:
         files: the log's file, or several by key; a file whose key is a channel's name holds that
             channel (``{"q": "positions.csv", "tau": "currents.csv"}``).
-            A ROS 2 bag is a folder, or a file like a ROS 1 bag.
+            A ROS 2 bag is a folder, or a file like a ROS 1 bag. Or a table in memory: a frame of
+            pandas or polars, or a dictionary of arrays.
         columns: columns of ``q``, and of ``tau`` (without it see `Recording.torque_source`),
             ``q_ref``, ``dq_ref``, ``ddq_ref``, ``t``, ``q_link`` (encoders behind the gear), ``dq``
             (measured speeds, of use where their noise is not that of the positions) where they
@@ -104,7 +107,9 @@ def load_recording(
             transmission's offset for motor positions and zero for joint positions otherwise.
         name: name of the run; that of the file with the positions otherwise.
         part: read only the samples with part[0] <= t < part[1], where there are time stamps [s].
-        options: further fields of `Recording`, such as ``control_rate`` or ``torque_timing``.
+        options: further fields of `Recording`: ``control_rate``, ``torque_timing``, ``delay``,
+            ``drive_delay``, ``start_time``, ``torque_side``, ``torque_scale``, ``allow_constant``,
+            ``saturation`` and ``notes``.
 
     Returns:
         The recording.
@@ -128,16 +133,18 @@ def load_recording(
         position_offset=position_offset,
         name=name,
     )
-    options["name"] = name or Path(log.name.removesuffix(".gz")).stem
+    fields_of: dict[str, Any] = dict(options)
+    fields_of["name"] = name or Path(log.name.removesuffix(".gz")).stem
     if transmission is None:  # another one than the robot's is not stored with results
         reading = {
             "columns": columns, "units": units or {}, "side": side, "rate": rate,
             "resample": resample, "samples_axis": samples_axis, "position_offset": position_offset,
         }  # fmt: skip
-        options["reading"] = plain(reading | {k: options[k] for k in OF_LOGGER if k in options})
+        own = {k: fields_of[k] for k in OF_LOGGER if k in fields_of}
+        fields_of["reading"] = plain(reading | own)
     logged, log = log.logged, replace(log, logged={})  # raw samples go as they are converted
     body = {key: logged[key] for key in logged if columns_of(key)}
-    recording = _recording(log, logged, part, options)
+    recording = _recording(log, logged, part, fields_of)
     if robot is None and body:
         raise RecordingError(
             f"{next(iter(body))} belongs to a body, and no robot is given",
@@ -168,14 +175,14 @@ def _with_body(recording: Recording, robot: Robot, body: Mapping[str, np.ndarray
 
 
 def recording_from(
-    log: Log, *, part: tuple[float, float] | None = None, **options: Any
+    log: Log, *, part: Sequence[float] | None = None, **options: Unpack[RecordingOptions]
 ) -> Recording:
     """A log made strict: checked, on one uniform clock, in SI on the joint side.
 
     Args:
         log: the log, with its description.
         part: first and last instant to keep [s]; None: all of it.
-        options: fields of the recording, such as ``control_rate``.
+        options: fields of the recording, as of `load_recording`.
 
     Returns:
         The recording.
@@ -189,7 +196,7 @@ def recording_from(
 def _recording(
     log: Log,
     logged: dict[str, np.ndarray],
-    part: tuple[float, float] | None,
+    part: Sequence[float] | None,
     options: Mapping[str, Any],
 ) -> Recording:
     """A log made strict; its channels as logged are taken out of ``logged`` one by one."""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from pivident.data.recording import checks
+from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import CHANNELS, MeasuredWrench, Recording
 from pivident.foundation.errors import RecordingError
 from pivident.robot.description import Robot
@@ -53,6 +54,7 @@ def with_wrenches(
     """
     values = dict(values or {})
     _check_names(recording, robot, values, pose)
+    recording = in_order_of(robot.on_fixed_base, recording)
     recording = _with_base(recording, robot, pose, twist)
     measured, torque = [], np.zeros(recording.q.shape)
     for sensor in robot.sensors:

@@ -6,9 +6,10 @@ finite, move, and are not cut off. Estimators therefore carry no guards of their
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, get_args
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from numbers import Integral
+from typing import Any, Unpack, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,17 +23,18 @@ from pivident.data.recording.checks import (
     SOURCE_SENTENCES,
     TIMING_WORDS,
     MeasuredWrench,
+    RecordingOptions,
     Saturation,
     TorqueSource,
     TorqueTiming,
     one_column,
     settled,
 )
-from pivident.foundation.errors import RecordingError
-from pivident.foundation.text.display import Displayed
+from pivident.foundation.errors import RecordingError, require_kind
+from pivident.foundation.text.display import Printed
 from pivident.foundation.text.printable import is_printable
 from pivident.robot.description import TorqueSide
-from pivident.robot.naming import nearest
+from pivident.robot.naming import numbered_joints
 from pivident.robot.transmission import Transmission
 
 __all__ = [
@@ -46,7 +48,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class Recording(Displayed):
+class Recording(Printed):
     """One run, checked when it is made. Its arrays are float64 and read-only.
 
     Attributes:
@@ -154,6 +156,7 @@ class Recording(Displayed):
         """Refuse what no estimator could use."""
         self._check_options()
         for name in (self.name, *self.joint_names, *self.inputs):
+            require_kind("a name", name, str, "give text")
             if not is_printable(name):
                 raise RecordingError(
                     f"the name {name!r} holds control characters", advice="rename it"
@@ -325,18 +328,36 @@ class Recording(Displayed):
             )
         return (*sentences, *self.notes)
 
-    def part(self, start: int, stop: int) -> Recording:
+    def part(
+        self,
+        start: int | None = None,
+        stop: int | None = None,
+        *,
+        samples: Sequence[int] | None = None,
+        seconds: Sequence[float] | None = None,
+    ) -> Recording:
         """The samples start … stop-1 as a recording of their own, without copying.
 
         A part may stand still or touch a limit: that was judged on the whole recording.
 
         Args:
-            start: index of the first sample.
-            stop: index after the last sample.
+            start: index of the first sample; None: from the beginning.
+            stop: index after the last sample; None: to the end.
+            samples: both by name, such as ``samples=(100, 2000)``.
+            seconds: in place of them the times between which it lies, as of `slice` [s].
 
         Raises:
-            RecordingError: the indices lie outside the recording.
+            RecordingError: the indices or times lie outside the recording, or are no whole numbers.
         """
+        if seconds is not None:
+            return self.slice(*seconds)
+        start, stop = samples if samples is not None else (start, stop)
+        start, stop = 0 if start is None else start, self.samples if stop is None else stop
+        if not (isinstance(start, Integral) and isinstance(stop, Integral)):
+            raise RecordingError(
+                f"a part of samples {start!r} to {stop!r} has no whole numbers",
+                advice="give part(seconds=(1.5, 20.0)) for times",
+            )
         if not 0 <= start < stop <= self.samples:
             raise RecordingError(
                 f"samples {start} to {stop} do not lie inside recording {self.name!r}, which has "
@@ -390,11 +411,27 @@ class Recording(Displayed):
         *,
         joint_names: Sequence[str] | None = None,
         name: str = "recording",
-        **options: Any,
+        q_ref: ArrayLike | None = None,
+        dq_ref: ArrayLike | None = None,
+        ddq_ref: ArrayLike | None = None,
+        inputs: Mapping[str, ArrayLike] | None = None,
+        q_link: ArrayLike | None = None,
+        dq: ArrayLike | None = None,
+        valid: ArrayLike | None = None,
+        control_rate: float = 0.0,
+        torque_timing: TorqueTiming = "held",
+        delay: float = 0.0,
+        drive_delay: float = 0.0,
+        start_time: float = 0.0,
+        torque_side: TorqueSide = "motor",
+        allow_constant: bool = False,
+        saturation: Saturation = "refuse",
+        notes: Sequence[str] = (),
     ) -> Recording:
         """A recording from arrays in SI units on the joint side.
 
-        A vector is the channel of a single joint.
+        A vector is the channel of a single joint. Columns of a data frame, in any unit, are read by
+        `pivident.load_recording`.
 
         Args:
             q: joint positions, shape (samples, joints) or (samples,) [rad or m].
@@ -403,13 +440,29 @@ class Recording(Displayed):
             joint_names: names of the joints in the order of the columns; ``joint_1`` … where they
                 are not given. For `Problem` they are those of the robot.
             name: name of the run.
-            options: further fields of the recording, such as ``q_ref`` or ``torque_timing``.
+            q_ref: reference positions, shape of ``q`` [rad or m].
+            dq_ref: reference speeds [rad/s or m/s].
+            ddq_ref: reference accelerations [rad/s² or m/s²].
+            inputs: known inputs that were added to the controller's output, by name, each of the
+                shape of ``q``.
+            q_link: positions behind the gear [rad or m].
+            dq: measured speeds [rad/s or m/s].
+            valid: True for samples that may stand in a joint's equation, shape of ``q``.
+            control_rate: rate of the control loop [Hz]; zero: the sampling rate.
+            torque_timing: ``held``, ``averaged`` or ``sampled``.
+            delay: how much later the torque channel is than the positions [s].
+            drive_delay: how much later than its sample a logged torque acts [s].
+            start_time: time of the first sample [s].
+            torque_side: ``motor`` or ``link``.
+            allow_constant: whether a joint may stand still, or its torque be constant.
+            saturation: ``refuse`` or ``allow`` torques that are cut off at a limit.
+            notes: how the samples came about, in sentences.
 
         Returns:
             The recording; arrays that are float64, in C order and read-only are not copied.
 
         Raises:
-            RecordingError: as for the recording itself, or an unknown option.
+            RecordingError: as for the recording itself.
 
         Example:
             >>> t = np.arange(2000) / 1000.0
@@ -417,22 +470,34 @@ class Recording(Displayed):
             >>> Recording.from_arrays(q, tau, rate=1000.0).joint_names
             ('joint_1', 'joint_2')
         """
-        known = [each.name for each in fields(cls)]
-        for option in options:
-            if option not in known:
-                raise RecordingError(
-                    f"a recording has no option {option!r}", advice=nearest(option, known)
-                )
-        if tau is None:
-            tau = np.zeros(np.shape(q))
-            options["torque_source"] = "none"
-        inputs = options.pop("inputs", {})
-        channels = {key: options.pop(key) for key in CHANNELS if options.get(key) is not None}
-        channels = {key: one_column(key, x) for key, x in ({"q": q, "tau": tau} | channels).items()}
-        options["inputs"] = {key: one_column(key, values) for key, values in inputs.items()}
-        joints = channels["q"].shape[-1] if channels["q"].ndim else 1
-        names = tuple(joint_names or (f"joint_{j + 1}" for j in range(joints)))
-        return cls(name=name, joint_names=names, rate=rate, **channels, **options)
+        require_kind("inputs", inputs or {}, Mapping, "give arrays by name")
+        source: TorqueSource = "none" if tau is None else "measured"
+        given = {
+            "q": q, "tau": np.zeros(np.shape(q)) if tau is None else tau, "q_ref": q_ref,
+            "dq_ref": dq_ref, "ddq_ref": ddq_ref, "q_link": q_link, "dq": dq,
+        }  # fmt: skip
+        signals: dict[str, Any] = {
+            key: one_column(key, x) for key, x in given.items() if x is not None
+        }
+        joints = signals["q"].shape[-1] if signals["q"].ndim else 1
+        return cls(
+            name=name,
+            joint_names=tuple(joint_names or numbered_joints(joints)),
+            rate=rate,
+            **signals,
+            inputs={key: one_column(key, x) for key, x in (inputs or {}).items()},
+            valid=None if valid is None else one_column("valid", valid),
+            control_rate=control_rate,
+            torque_timing=torque_timing,
+            delay=delay,
+            drive_delay=drive_delay,
+            start_time=start_time,
+            torque_side=torque_side,
+            torque_source=source,
+            allow_constant=allow_constant,
+            saturation=saturation,
+            notes=tuple(notes),
+        )
 
     @classmethod
     def from_motor_side(
@@ -443,7 +508,7 @@ class Recording(Displayed):
         command: np.ndarray,
         transmission: Transmission,
         rate: float,
-        **options: Any,
+        **options: Unpack[RecordingOptions],
     ) -> Recording:
         """A recording from motor positions and drive commands.
 
@@ -458,7 +523,7 @@ class Recording(Displayed):
                 they are motor torques [N m or N].
             transmission: reduction, couplings, drive gains and position offsets.
             rate: sampling rate [Hz].
-            options: further fields of the recording, on the joint side.
+            options: further fields of the recording, as of `pivident.load_recording`.
 
         Returns:
             The recording, SI and joint side.

@@ -90,7 +90,7 @@ def fill_unusable(logged: dict[str, np.ndarray], joint_names: Sequence[str], joi
     return Usable(positions, torque)
 
 
-def check_unbroken(q: np.ndarray, t: np.ndarray, part: tuple[float, float] | None) -> None:
+def check_unbroken(q: np.ndarray, t: np.ndarray, part: Sequence[float] | None) -> None:
     """Refuse positions that jump or are not known for long.
 
     Args:

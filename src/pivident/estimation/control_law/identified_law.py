@@ -49,6 +49,7 @@ from pivident.estimation.control_law.speed_setpoint import (
     speed_setpoint,
 )
 from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import plus_minus
 from pivident.foundation.threads import run_in_threads
 from pivident.loop.simulation.controllers import Cascade
@@ -62,7 +63,7 @@ POOR = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class ControllerIdentification:
+class ControllerIdentification(Displayed):
     """Laws of all joints, with what they were fitted to.
 
     Attributes:

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.estimation.control_law.identified_law import (
     identify_controller,
@@ -29,6 +30,7 @@ from pivident.estimation.control_law.reference_reconstruction import (
     reconstruct_reference,
 )
 from pivident.foundation.errors import IdentificationError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import plus_minus
 from pivident.loop.simulation.control_loop import Loop, virtual_pd
 from pivident.loop.simulation.controllers import Controller
@@ -49,7 +51,7 @@ WITHOUT_GRAVITY = (
 
 
 @dataclass(frozen=True)
-class Feedback:
+class Feedback(Displayed):
     """Feedback of one joint, identified from the noise in the loop.
 
     Attributes:
@@ -172,7 +174,7 @@ def reconstruct_loop(
         ExperimentError: a recording has no reference and it is not to be reconstructed.
         IdentificationError: the law that comes out is none.
     """
-    recordings = tuple(recordings)
+    recordings = tuple(in_order_of(robot, recording) for recording in recordings)
     gain = np.broadcast_to(np.asarray(drive_gain, float), (robot.size,))
     if not reconstruct:
         if controller is not None:

@@ -40,6 +40,7 @@ from pivident.foundation.errors import (
     MassMatrixNotPositiveDefinite,
     SimulationDiverged,
 )
+from pivident.foundation.text.display import Displayed
 from pivident.robot.refusals import without_wrenches
 from pivident.robot.wrench_sensor import BASE
 
@@ -48,7 +49,7 @@ MAX_ROUNDS, CONVERGED = 8, 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class DriveGains:
+class DriveGains(Displayed):
     """Gains of all motors with what is known of them.
 
     Attributes:

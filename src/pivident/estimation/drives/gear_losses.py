@@ -27,6 +27,7 @@ from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.foundation.text.display import Displayed
 from pivident.loop.motion.motion import residual_of, with_inner
 
 #: What is found of a gear, in this order.
@@ -34,7 +35,7 @@ QUANTITIES = ("gain", "efficiency", "rotor inertia", "viscous", "Coulomb", "offs
 
 
 @dataclass(frozen=True, eq=False)
-class GearLosses:
+class GearLosses(Displayed):
     """One gear.
 
     Attributes:

@@ -32,13 +32,14 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
+from pivident.foundation.text.display import Displayed
 
 #: Smallest relative remainder of an independent column.
 SEPARATE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class MotorInLogUnits:
+class MotorInLogUnits(Displayed):
     """Parameters of one motor's row, each divided by the motor's gain.
 
     Attributes:

@@ -30,6 +30,7 @@ from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import BIASED, Problem
 from pivident.estimation.solved_equations import Equations
 from pivident.foundation.options import option
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
 
 
@@ -49,7 +50,7 @@ class JointRows:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class Rows(Displayed):
     """Rows of all joints.
 
     Attributes:
@@ -135,7 +136,7 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class Solved(Displayed):
     """What a method made of the rows.
 
     Attributes:
@@ -156,7 +157,7 @@ class Solved:
 
 
 @dataclass(frozen=True, eq=False)
-class NormalEquations:
+class NormalEquations(Displayed):
     """H θ = g of all joints, in columns of unit length.
 
     Attributes:
@@ -218,7 +219,7 @@ def windows_covariance(sums: Sequence[JointSums], theta: np.ndarray) -> np.ndarr
 
 
 @dataclass(frozen=True, eq=False)
-class Noticed:
+class Noticed(Displayed):
     """A solution with what there is to say of it.
 
     Attributes:

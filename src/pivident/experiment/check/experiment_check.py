@@ -32,6 +32,7 @@ from pivident.experiment.file_keys import RecordingEntry
 from pivident.experiment.file_lines import file_lines, numbered
 from pivident.foundation.common_work import work_in_common
 from pivident.foundation.errors import PividentError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding, FindingKind, Severity, Topic, merged, worst
 from pivident.foundation.text.plain_values import plain
 from pivident.foundation.text.repair import Edit, Place, Repair
@@ -44,7 +45,7 @@ from pivident.robot.description import Robot
 
 
 @dataclass(frozen=True, eq=False)
-class ExperimentCheck:
+class ExperimentCheck(Displayed):
     """What was found wrong with an experiment, and what would be done with it.
 
     Attributes:

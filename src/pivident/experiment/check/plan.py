@@ -31,11 +31,12 @@ from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.foundation.compiled import is_compiled
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.sentences import plural
 
 
 @dataclass(frozen=True)
-class Plan:
+class Plan(Displayed):
     """What would be estimated, from what, how, and in about what time.
 
     Attributes:

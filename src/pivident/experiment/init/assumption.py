@@ -12,6 +12,7 @@ from typing import Any
 from pivident.data.logs.recognition.channel_words import Sureness
 from pivident.experiment.file_lines import SURE
 from pivident.foundation.errors import PividentError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.sentences import capital
 from pivident.foundation.text.toml import comment, key_text, value_text
 
@@ -39,12 +40,12 @@ ORDER = (
 )
 
 
-class DraftError(PividentError):
+class DraftError(PividentError, ValueError):
     """A log or a robot of which no experiment file can be made."""
 
 
 @dataclass(frozen=True)
-class Question:
+class Question(Displayed):
     """What only a person knows.
 
     Attributes:
@@ -63,7 +64,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Assumption:
+class Assumption(Displayed):
     """A line of the experiment file.
 
     Attributes:

@@ -34,6 +34,7 @@ from pivident.experiment.init.kept_joints import RobotFile, robot_file
 from pivident.experiment.init.log_files import read_runs
 from pivident.experiment.init.recording_lines import RecordingLines, recording_lines
 from pivident.experiment.init.trial import Findings, try_out
+from pivident.foundation.text.display import Displayed
 from pivident.robot.naming import ROBOT_FILES, nearest
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ GAINS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Draft:
+class Draft(Displayed):
     """A first experiment file.
 
     Attributes:

@@ -10,10 +10,16 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from pivident.foundation.errors import PividentError
+from pivident.foundation.errors import PividentError, UnknownName
 from pivident.foundation.extras import require
 from pivident.foundation.text.display import Displayed
-from pivident.foundation.text.numbers import format_significant, with_spread
+from pivident.foundation.text.identifiers import latex_text, one_line
+from pivident.foundation.text.numbers import (
+    format_significant,
+    latex_number,
+    latex_unit,
+    with_spread,
+)
 from pivident.foundation.text.plain_table import plain_table
 from pivident.foundation.text.plain_values import csv_table
 from pivident.foundation.text.printable import escaped, sheet_text
@@ -164,7 +170,8 @@ class Table(Displayed):
 
     def __getitem__(self, column: str) -> Values:
         if column not in self.columns:
-            raise KeyError(f"no column {column!r}; there are {', '.join(self.columns)}")
+            there = f"there are {', '.join(self.columns)}"
+            raise UnknownName(f"no column {column!r}", advice=there)
         return self._columns[column].values
 
     def rows(self) -> list[dict[str, Any]]:
@@ -211,6 +218,36 @@ class Table(Displayed):
             with atomic_folder(target.parent) as build:
                 (build / target.name).write_text(text, "utf-8", errors="backslashreplace")
         return text
+
+    def to_latex(self, comment: str = "") -> str:
+        """The table for LaTeX, with the rules of booktabs; all external text is escaped.
+
+        Args:
+            comment: a line in front; empty: the title.
+        """
+        shown = [part for name, own in self._columns.items() for part in own.texts(name, None)]
+        written = [
+            [latex_unit(x) for x in cells]
+            if title == "unit"
+            else [latex_number(x) if align == "." else latex_text(one_line(x)) for x in cells]
+            for title, align, cells in shown
+        ]
+        rows = zip(*written, strict=True)
+        heads = [latex_text(one_line(title)) for title, _, _ in shown]
+        return "\n".join(
+            [
+                f"% {one_line(comment or self.title or self.name)}",
+                r"% In the preamble: \usepackage{amsmath,booktabs}",
+                rf"\begin{{tabular}}{{{''.join('r' if a == '.' else 'l' for _, a, _ in shown)}}}",
+                r"\toprule",
+                " & ".join(heads) + r" \\",
+                r"\midrule",
+                *(" & ".join(row) + r" \\" for row in rows),
+                r"\bottomrule",
+                r"\end{tabular}",
+                "",
+            ]
+        )
 
     def __repr__(self) -> str:
         return f"<Table {self.name}: {len(self)} rows, columns {', '.join(self.columns)}>"

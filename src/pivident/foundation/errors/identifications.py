@@ -182,7 +182,7 @@ class FilterDiverged(IdentificationError):
         )
 
 
-class UnusableSignal(IdentificationError, ValueError):
+class UnusableSignal(IdentificationError):
     """An input or output from which no linear model can be estimated.
 
     Attributes:
@@ -195,7 +195,7 @@ class UnusableSignal(IdentificationError, ValueError):
         super().__init__(f"{signal} {found}", advice=advice)
 
 
-class DelayTooLong(IdentificationError, ValueError):
+class DelayTooLong(IdentificationError):
     """A delay that leaves too little of the record.
 
     Attributes:

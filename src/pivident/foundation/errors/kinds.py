@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copyreg
 import os
+import pickle
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -63,13 +64,26 @@ class Advised(Exception):
         whole.meant = self.meant
         return whole
 
+    def __str__(self) -> str:
+        return BaseException.__str__(self)  # a KeyError would quote it
+
     def __reduce__(self) -> tuple[Any, ...]:
-        """Text and attributes for another process: a kind cannot be made again of its text."""
-        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
+        """Text and attributes for another process: a kind cannot be made again of its text.
+
+        What cannot go there, such as a user's control law in a problem, stays behind: an error
+        that cannot be sent would break the pool, or be lost.
+        """
+        evidence = {name: value for name, value in vars(self).items() if _travels(value)}
+        return copyreg.__newobj__, (type(self), *self.args), evidence  # type: ignore[attr-defined]
 
 
-class UnusableValue(Advised, ValueError):
-    """A value that cannot be used, as its type or a table of a file finds."""
+def _travels(value: Any) -> bool:
+    """Whether a value can be sent to another process."""
+    try:
+        pickle.dumps(value)
+    except Exception:  # whatever the classes of users raise
+        return False
+    return True
 
 
 class PividentError(Advised):
@@ -106,6 +120,38 @@ def _joined(fact: str, advice: str) -> str:
     return f"{fact}; {advice}" if advice else fact
 
 
+class PividentWarning(UserWarning):
+    """Base of every warning that pivident gives by `warnings`."""
+
+
+class UnusableValue(PividentError, ValueError):
+    """A value that cannot be used, as its type or a table of a file finds."""
+
+
+class WrongKind(PividentError, TypeError):
+    """An argument of another kind than is taken."""
+
+
+def require_kind(argument: str, value: Any, kind: Any, advice: str = "") -> None:
+    """Refuse an argument of another kind.
+
+    Args:
+        argument: its name.
+        value: what was given.
+        kind: class, or several as of ``isinstance``.
+        advice: what to give, a half sentence.
+
+    Raises:
+        WrongKind: names the argument, what was given and what to give.
+    """
+    if not isinstance(value, kind):
+        raise WrongKind(f"{argument} is of type {type(value).__name__}", advice=advice)
+
+
+class UnknownName(PividentError, KeyError):
+    """A name of a parameter, a constant or a joint that is not there."""
+
+
 class RobotDescriptionError(PividentError, ValueError):
     """A robot description (modified DH table or URDF) that cannot be used."""
 
@@ -137,7 +183,7 @@ class ExperimentError(PividentError, ValueError):
         return whole
 
 
-class IdentificationError(PividentError):
+class IdentificationError(PividentError, ValueError):
     """An identification that cannot be carried out on the given data."""
 
 

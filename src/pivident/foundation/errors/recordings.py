@@ -355,7 +355,7 @@ class ClocksDisagree(RecordingError):
         )
 
 
-class UnknownColumn(FileFormatError):
+class UnknownColumn(FileFormatError, KeyError):
     """A column or array that the file does not hold.
 
     Attributes:
@@ -431,7 +431,7 @@ class ChecksumMismatch(FileFormatError):
         )
 
 
-class DatasetUnavailable(PividentError):
+class DatasetUnavailable(PividentError, LookupError):
     """A public record that is neither here nor can be fetched.
 
     Attributes:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from math import nan
 from typing import Annotated, Any, Literal, TypeVar
 
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import plus_minus
 from pivident.foundation.text.plain_values import LATER, NOT_STORED, SPARSE, As, Known, Null, plain
 from pivident.foundation.text.repair import RECORDING, Place, Repair, joined_repairs
@@ -121,7 +122,7 @@ class FindingKind:
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(Displayed):
     """One statement about data, a file or a result.
 
     Attributes:

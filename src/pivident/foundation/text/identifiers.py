@@ -77,6 +77,7 @@ def latex_text(text: str) -> str:
     special = {
         "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&", "#": r"\#",
         "%": r"\%", "_": r"\_", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+        "±": r"$\pm$", "σ": r"$\sigma$", "θ": r"$\theta$",
     }  # fmt: skip
     return "".join(special.get(c, c) for c in text)
 

@@ -7,6 +7,7 @@ A hint that names what was probably meant, as a sentence and as data.
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Iterable, Sequence
 
@@ -76,3 +77,28 @@ class NearestNames(str):
         hint = cls(text)
         hint.meant = (name, near[0]) if near else None
         return hint
+
+
+def nearest(name: str, known: Iterable[str]) -> NearestNames:
+    """A half sentence that names the nearest known names, or lists all of them."""
+    choices = list(known)
+    close = near_names(name, choices)
+    text = f"known are {', '.join(map(repr, choices)) or 'none'}"
+    if close:
+        text = f"did you mean {' or '.join(map(repr, close))}?"
+    return NearestNames.of(text, name, close)
+
+
+def near_names(name: str, known: Iterable[str], likeness: float = 0.6) -> list[str]:
+    """Up to three known names that were probably meant, the nearest first.
+
+    If no name is similar as written, case is ignored; if that finds none either, a name of the same
+    letters in another order is accepted. ``likeness`` is the ratio of `difflib`, 0 to 1.
+    """
+    choices = list(known)
+    close = difflib.get_close_matches(name, choices, n=3, cutoff=likeness)
+    if close:
+        return close
+    plain = {choice.lower(): choice for choice in reversed(choices)}
+    found = difflib.get_close_matches(name.lower(), plain, n=3, cutoff=likeness)
+    return [plain[c] for c in found] or [c for c in choices if sorted(c) == sorted(name)]

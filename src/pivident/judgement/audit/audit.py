@@ -10,6 +10,7 @@ import numpy as np
 
 from pivident.data.logs.log import Log
 from pivident.foundation.errors import PividentError, RecordingError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding, FindingKind, Severity, Topic, worst
 from pivident.foundation.text.plain_values import plain
 from pivident.foundation.text.sentences import listed
@@ -76,7 +77,7 @@ TOPICS = (
 
 
 @dataclass(frozen=True, eq=False)
-class Audit:
+class Audit(Displayed):
     """What was found about one log, with the numbers behind it.
 
     Attributes:

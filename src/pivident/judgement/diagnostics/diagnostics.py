@@ -21,7 +21,8 @@ from pivident.estimation.methods import METHODS
 from pivident.estimation.parameter_rows import ParameterRange
 from pivident.estimation.problem import Problem
 from pivident.foundation.common_work import work_in_common
-from pivident.foundation.errors import Attempts, ExperimentError, PividentError
+from pivident.foundation.errors import Attempts, ExperimentError, PividentError, require_kind
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.judgement.audit.recording_audit import recording_faults
@@ -51,7 +52,7 @@ FOLDS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnostics:
+class Diagnostics(Displayed):
     """What was found out about the results of one problem.
 
     Attributes:
@@ -135,6 +136,7 @@ def diagnose(
     Raises:
         ExperimentError: a result whose method is not known.
     """
+    require_kind("identifications", identifications, Mapping, 'give them by name, {"ls": result}')
     say = progress or (lambda line: None)
     methods = METHODS.usable() if methods is None else methods
     if unknown := sorted(identifications.keys() - methods.keys()):

@@ -18,7 +18,7 @@ from typing import Any
 from pivident.data.logs.torque_scale import scale_headline
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRange
-from pivident.foundation.errors import Attempts
+from pivident.foundation.errors import Attempts, require_kind
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding, Severity, worst
 from pivident.judgement.diagnostics.consistency_statements import consistency
@@ -164,6 +164,8 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
     start = len(attempts.lines)
     if isinstance(diagnostics, Identification):
         diagnostics = diagnose_one({diagnostics.method: diagnostics})
+    kinds = "give an Identification, or what diagnose returns"
+    require_kind("diagnostics", diagnostics, Diagnostics, kinds)
     name = diagnostics.recommended
     result = diagnostics.identifications[name]
     both, own, every = (diagnostics, name), (result,), (diagnostics,)

@@ -17,11 +17,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
+from typing import Any, NoReturn
 
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.problem import Problem
+from pivident.foundation.errors import IdentificationError
+from pivident.foundation.text.display import Displayed
 from pivident.robot.description import Robot
 from pivident.signals.bandpass import butterworth
 
@@ -204,7 +207,7 @@ Correction = Callable[[Problem, np.ndarray], Problem]
 
 
 @dataclass(frozen=True, eq=False)
-class Cause:
+class Cause(Displayed):
     """Something that may be wrong with the model, the log or the clock.
 
     Attributes:
@@ -259,6 +262,19 @@ class Cause:
 
     def __str__(self) -> str:
         return f"{self.kind}{' of ' * bool(self.subject)}{self.subject}: {self.what}"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process gets: all but the functions, which only this one can call."""
+        correct = None if self.correct is None else _left_behind
+        return vars(self) | {"columns": _left_behind, "correct": correct}
+
+
+def _left_behind(*_: object) -> NoReturn:
+    """In place of the functions of a cause that came from another process or a file."""
+    raise IdentificationError(
+        "the functions of this cause of model error stayed in the process that tested for it",
+        advice="test for it again here, named_causes(problem, result)",
+    )
 
 
 def on_joint(joint: int, signals: list[np.ndarray], motion: RecordMotion) -> np.ndarray:

@@ -24,6 +24,7 @@ from pivident.estimation.method import Method
 from pivident.estimation.methods import method_named
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import IdentificationError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding, Quantity, Severity
 from pivident.foundation.text.numbers import plus_minus
 from pivident.foundation.text.sentences import listed
@@ -68,7 +69,7 @@ MOST = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Corrections:
+class Corrections(Displayed):
     """Causes that were corrected.
 
     Attributes:

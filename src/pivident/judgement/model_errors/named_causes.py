@@ -20,6 +20,7 @@ from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import IdentificationError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import plus_minus
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.judgement.model_errors.cause import Cause, Reach, RecordMotion
@@ -58,7 +59,7 @@ NEAR = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class NamedCause:
+class NamedCause(Displayed):
     """A cause that was found.
 
     Attributes:
@@ -117,7 +118,7 @@ class NamedCause:
 
 
 @dataclass(frozen=True, eq=False)
-class ModelErrors:
+class ModelErrors(Displayed):
     """What is wrong besides noise, as far as the residual shows it.
 
     Attributes:

@@ -25,6 +25,7 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.foundation.distributions import student
+from pivident.foundation.text.display import Displayed
 from pivident.judgement.model_errors.cause import Cause
 from pivident.judgement.model_errors.score_tests import LEVEL, Score, ScoreTests
 
@@ -53,7 +54,7 @@ CERTAIN = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class UncheckedCause:
+class UncheckedCause(Displayed):
     """An error that the record would not show.
 
     Attributes:

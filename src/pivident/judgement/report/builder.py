@@ -28,7 +28,7 @@ from pivident.foundation.document.figure import (
     drawn,
 )
 from pivident.foundation.document.plot import drawing_library, to_json
-from pivident.foundation.errors import Attempts, PividentError, in_words
+from pivident.foundation.errors import Attempts, PividentError, in_words, require_kind
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.text.identifiers import identifier
 from pivident.foundation.text.numbers import format_exact, format_significant, percent, with_spread
@@ -120,6 +120,8 @@ def render_report(
     """The page as text; arguments as of `write_report`."""
     if not identifications:
         raise PividentError("there is no identification to report on", advice="give at least one")
+    for each in identifications:
+        require_kind("an identification", each, Identification, "give a list of results")
     if title is None:
         robots = dict.fromkeys(i.robot.name for i in identifications)
         title = f"{', '.join(robots)}: identification of the dynamics"

@@ -89,7 +89,7 @@ class EliminationRound:
     found: Identification  # the identification
     full: Identification  # identification of all parameters, for weights
     number: int  # of the round
-    level: float  # of the tests
+    alpha: float  # significance level of the tests
     most: int  # parameters that may go at most
     steps: list[Elimination] = field(default_factory=list)  # what went
     spared: tuple[str, ...] = ()  # names kept as the last friction of their joint
@@ -119,7 +119,7 @@ class EliminationRound:
                 return
             place, statistic, p_value = candidate
             name = self.found.names[self.kept[place]]
-            if p_value < self.level:
+            if p_value < self.alpha:
                 self.stopped = (
                     f"The search ended at {name}: "
                     f"{plus_minus(self.theta[place], 2 * self.std[place])} "
@@ -129,7 +129,7 @@ class EliminationRound:
                 return
             left = [k for k in self.kept if k != self.kept[place]]
             joint, joint_p = self._joint_test(left)
-            if joint_p < self.level:
+            if joint_p < self.alpha:
                 self.stopped = (
                     f"The search ended at {name}: it could be left out alone (p = {p_value:.2g}), "
                     f"but not with the others of this round (p = {joint_p:.2g})."
@@ -159,7 +159,7 @@ class EliminationRound:
         spared = []
         for place in np.argsort(statistic):
             if self._is_last_friction(int(place)):
-                if p_values[place] >= self.level:
+                if p_values[place] >= self.alpha:
                     spared.append(self.found.names[self.kept[place]])
                 continue
             self.spared = tuple(spared)

@@ -39,6 +39,7 @@ from pivident.foundation.errors import (
     MassMatrixNotPositiveDefinite,
     SimulationDiverged,
 )
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import format_significant, with_spread
 from pivident.foundation.text.plain_table import plain_table
 from pivident.judgement.validation.elimination import (
@@ -52,11 +53,11 @@ from pivident.judgement.validation.elimination import (
 
 #: Probability with which a parameter that is zero stays in. Sixty tests are made of one record:
 #: on simulated TX40 records one of 33 zero parameters stays at 5 %, next to none at 1 %.
-LEVEL = 0.01
+ALPHA = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class EssentialParameters:
+class EssentialParameters(Displayed):
     """What is left, what went and why.
 
     Attributes:
@@ -65,7 +66,7 @@ class EssentialParameters:
         steps: the parameters left out, in order.
         spared: parameters whose own test would have removed them, but which are the last friction
             term of their joint.
-        level: of the tests.
+        alpha: significance level of the tests.
         design_effect: d, sandwich over formula variances of the full identification.
         effective_samples: r/d, number of independent equations that the rows are worth.
         largest_change: largest change of a parameter at the last identification, compared with
@@ -81,7 +82,7 @@ class EssentialParameters:
     full: Identification
     steps: tuple[Elimination, ...]
     spared: tuple[str, ...]
-    level: float
+    alpha: float
     design_effect: float
     effective_samples: float
     largest_change: float
@@ -146,7 +147,7 @@ def essential_parameters(
     problem: Problem,
     method: Method | str = "piv",
     *,
-    level: float = LEVEL,
+    alpha: float = ALPHA,
     reidentify: Literal["round", "step"] = "round",
     progress: Callable[[str], None] | None = None,
 ) -> EssentialParameters:
@@ -159,7 +160,7 @@ def essential_parameters(
     Args:
         problem: what is given; its parameters are the set that the search starts from.
         method: a method or its name in ``METHODS``.
-        level: probability with which a zero parameter is kept.
+        alpha: probability with which a zero parameter is kept.
         reidentify: ``round``: a new identification when nothing more can go by the foretold
             change, until one more round removes nothing; ``step``: after every parameter.
         progress: called with one line at each stage.
@@ -168,11 +169,11 @@ def essential_parameters(
         The parameters that are left, their estimate, and the history of what went and why.
 
     Raises:
-        ExperimentError: an impossible level, or an unknown choice.
+        ExperimentError: an impossible alpha, or an unknown choice.
         IdentificationError: what ``identify`` raises.
     """
-    if not 0 < level < 1:
-        raise ExperimentError(f"level must lie between 0 and 1, not {level}")
+    if not 0 < alpha < 1:
+        raise ExperimentError(f"alpha must lie between 0 and 1, not {alpha}")
     if reidentify not in ("round", "step"):
         raise ExperimentError(f"reidentify is {reidentify!r}", advice="choose 'round' or 'step'")
     say = progress or (lambda line: None)
@@ -194,7 +195,7 @@ def essential_parameters(
     problem = narrowed(problem, full)
     while True:
         number = len({s.round for s in steps}) + 1
-        elimination = EliminationRound(found, full, number, level, most)
+        elimination = EliminationRound(found, full, number, alpha, most)
         say(f"round {number}: {len(elimination.steps)} of {len(found.names)} parameters left out")
         steps += elimination.steps
         switched = bool(notes) and found is full
@@ -208,7 +209,7 @@ def essential_parameters(
         full=full,
         steps=tuple(steps),
         spared=elimination.spared,
-        level=level,
+        alpha=alpha,
         design_effect=(effect := design_effect(full)),
         effective_samples=sum(j.rows for j in full.joints) / effect,
         largest_change=change,

@@ -23,6 +23,7 @@ from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.identification import Identification
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.display import Displayed
 from pivident.loop.simulation.joint_loop import JointFeedback, JointLoop, joint_feedbacks
 
 #: The low-pass of the positions at so many bandwidths, and what the decimation keeps.
@@ -39,7 +40,7 @@ _VISCOUS = ("fv", "fvm")
 
 
 @dataclass(frozen=True, eq=False)
-class IdentifiedJointLoop:
+class IdentifiedJointLoop(Displayed):
     """One joint in its loop, with what is uncertain about it.
 
     Attributes:
@@ -87,7 +88,7 @@ class IdentifiedJointLoop:
 
 
 @dataclass(frozen=True, eq=False)
-class IdentifiedLoop:
+class IdentifiedLoop(Displayed):
     """The loops of all joints.
 
     Attributes:

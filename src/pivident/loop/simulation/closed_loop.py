@@ -23,6 +23,7 @@ from pivident.foundation.errors import (
     ShapeMismatch,
     SimulationDiverged,
 )
+from pivident.foundation.text.display import Displayed
 from pivident.loop.simulation.controllers import (
     TAPS,
     Controller,
@@ -133,7 +134,7 @@ MAX_STEP = 2.5e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Displayed):
     """A simulated motion; all arrays (samples, joints)."""
 
     rate: float  # samples per second [Hz]

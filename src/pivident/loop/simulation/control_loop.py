@@ -27,6 +27,7 @@ from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.display import Printed
 from pivident.loop.simulation.controllers import PD, PID, Controller, FeedForward
 from pivident.loop.simulation.gravity_compensation import GravityCompensated, GravityModel
 from pivident.robot.description import Robot
@@ -100,7 +101,7 @@ class IdentifiedLaw(FittedLaw, Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class Loop(Printed):
     """The control loop that a record was taken in.
 
     Attributes:

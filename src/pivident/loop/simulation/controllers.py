@@ -20,6 +20,7 @@ import numpy as np
 
 from pivident.foundation.compiled import read_only
 from pivident.foundation.errors import ExperimentError, concerning
+from pivident.foundation.text.display import Printed
 
 #: One gain for each joint, or one for all.
 Gains = np.ndarray | Sequence[float] | float
@@ -79,7 +80,7 @@ def backward_difference(x: np.ndarray, rate: float) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class PID:
+class PID(Printed):
     """u = kp e + ki ∫e + kd (s dq_ref - dq̂), dq̂ the (filtered) backward difference of q.
 
     With derivative_time T > 0 the difference is filtered by h/(T + h - T z⁻¹) (backward Euler of
@@ -160,7 +161,7 @@ class PD(PID):
 
 
 @dataclass(frozen=True, eq=False)
-class Cascade:
+class Cascade(Printed):
     """Position loop around a speed loop: u = kv (kp e - v̂) + kv ki ∫(kp e - v̂).
 
     v̂ is the backward difference of q, of its two-sample mean when ``averaged`` (the EMPS drive:
@@ -202,7 +203,7 @@ class Cascade:
 
 
 @dataclass(frozen=True, eq=False)
-class PythonController:
+class PythonController(Printed):
     """A control law given as a Python function, called once per control sample.
 
     ``function(k, q, q_ref, dq_ref) -> u`` receives the sample's index, the measured positions and

@@ -11,6 +11,7 @@ import numpy as np
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import Parameter
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.display import Displayed
 from pivident.loop.simulation.closed_loop import LoopSignals, Model
 from pivident.loop.simulation.controllers import Controller
 from pivident.loop.simulation.gravity_compensation import GravityCompensated
@@ -56,7 +57,7 @@ class Direction:
 
 
 @dataclass(frozen=True, eq=False)
-class ParametrisedLoop:
+class ParametrisedLoop(Displayed):
     """A loop to simulate, in terms of the parameters that its motion depends on.
 
     Attributes:

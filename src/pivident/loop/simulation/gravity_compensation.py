@@ -22,6 +22,7 @@ from pivident.dynamics.kernels import link_poses, place_link, tree_of
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
 from pivident.foundation.compiled import allocating, inner
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.display import Displayed, Printed
 from pivident.loop.simulation.controllers import Controller, PythonController, SampledLaw
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops
@@ -140,7 +141,7 @@ AT_REFERENCE = 'use feed_forward = "gravity", which takes the reference, if the 
 
 
 @dataclass(frozen=True, eq=False)
-class GravityModel:
+class GravityModel(Displayed):
     """What the laws of a robot's joints take for the weight of its links.
 
     Attributes:
@@ -221,7 +222,7 @@ class GravityModel:
 
 
 @dataclass(frozen=True, eq=False)
-class GravityCompensated:
+class GravityCompensated(Printed):
     """A control law with gravity added: at the measured position, at the reference, or both.
 
     Attributes:

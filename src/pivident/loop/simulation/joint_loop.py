@@ -27,6 +27,7 @@ from functools import cached_property
 
 import numpy as np
 
+from pivident.foundation.text.display import Displayed
 from pivident.loop.simulation.controllers import Controller
 
 #: Points per search for a crossing, from the lowest frequency searched to the Nyquist frequency.
@@ -45,7 +46,7 @@ HALF_POWER = math.sqrt(0.5)
 
 
 @dataclass(frozen=True, eq=False)
-class JointFeedback:
+class JointFeedback(Displayed):
     """What one joint's sampled law makes of the position: -u/q.
 
     C = B/A + K_i h/(1 - z⁻¹) W/A, see :class:`pivident.loop.simulation.controllers.SampledLaw`.

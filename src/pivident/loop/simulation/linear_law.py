@@ -18,6 +18,7 @@ import numpy as np
 from pivident.dynamics.lanes import LANES, load, nothing, store
 from pivident.foundation.compiled import inlined as _inline
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.display import Printed
 from pivident.loop.simulation.controllers import TAPS, SampledLaw
 from pivident.loop.simulation.gravity_compensation import gravity_slopes
 from pivident.loop.simulation.integration import Q, V
@@ -53,7 +54,7 @@ def differentiated(x: np.ndarray, time: float, averaged: bool, rate: float) -> n
 
 
 @dataclass(frozen=True, eq=False)
-class LinearLaw:
+class LinearLaw(Printed):
     """One joint's gains in every row; all gains have shape (joints,)."""
 
     kp: np.ndarray  # of the position error [u per rad or m]

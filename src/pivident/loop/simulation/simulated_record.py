@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Literal
 
 import numpy as np
@@ -26,7 +27,8 @@ from pivident.dynamics.base_parameters import BaseParameters, base_parameters, p
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import Parameter, nominal_values
-from pivident.foundation.errors import ExperimentError, ShapeMismatch
+from pivident.foundation.errors import ExperimentError, ShapeMismatch, require_kind
+from pivident.foundation.text.display import Displayed
 from pivident.loop.simulation.closed_loop import LoopSignals, Trajectory, in_whole_counts
 from pivident.loop.simulation.closed_loop import simulate as simulate_loop
 from pivident.loop.simulation.control_loop import Loop, loop_feed_forward, with_measured_gravity
@@ -61,7 +63,7 @@ SETTLED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatedRecord:
+class SimulatedRecord(Displayed):
     """What `simulate` makes.
 
     Attributes:
@@ -286,6 +288,7 @@ def _true_values(base: BaseParameters, values: Mapping[str, float]) -> np.ndarra
 
 def _random_motion(robot: Robot, rate: float, duration: float, seed: int) -> Reference:
     """Rest-to-rest moves between random postures."""
+    require_kind("duration", duration, Real, "give seconds, such as 10")
     samples = round(duration * rate) if np.isfinite(duration) else 0
     if samples < 2:
         raise ExperimentError(

@@ -21,7 +21,13 @@ from pivident.dynamics.parameters import Parameter
 from pivident.estimation.identification import Identification, estimated_in_base, torque_sums
 from pivident.estimation.solved_equations import TorqueSums
 from pivident.foundation.document.table import Column, Table
-from pivident.foundation.errors import ExperimentError, NoConsistentModelNear
+from pivident.foundation.errors import (
+    ExperimentError,
+    NoConsistentModelNear,
+    UnknownName,
+    require_kind,
+)
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import format_significant
 from pivident.foundation.text.plain_values import plain
 from pivident.models.consistency.constraints import (
@@ -62,7 +68,7 @@ MIN_BALL = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class ConsistentModel:
+class ConsistentModel(Displayed):
     """Physically possible standard parameters near an estimate.
 
     Attributes:
@@ -161,12 +167,13 @@ class ConsistentModel:
         """A standard parameter by its name.
 
         Raises:
-            KeyError: if there is none of that name.
+            UnknownName: there is none; names the nearest ones.
         """
         for p, value in zip(self.parameters, self.values, strict=True):
             if p.name == name:
                 return float(value)
-        raise KeyError(f"no parameter {name!r}; {nearest(name, [p.name for p in self.parameters])}")
+        names = [p.name for p in self.parameters]
+        raise UnknownName(f"no parameter {name!r}", advice=nearest(name, names))
 
     def predict(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Torque of the consistent model, shape (samples, joints) [N m or N].
@@ -181,27 +188,27 @@ class ConsistentModel:
         regressor = regressor_of(self.robot, self.parameters)
         return regressor.torque(q, dq, ddq, self.values)
 
-    def intervals(self, confidence: float = 0.95, of: str = "estimated") -> ProfileIntervals:
+    def intervals(self, level: float = 0.95, of: str = "estimated") -> ProfileIntervals:
         """Profile intervals over the consistent parameters, see `profile_intervals`.
 
         If parameters were left out of the estimate, the intervals can be wider than the free ones,
         which assume that those parameters are exactly zero.
 
         Args:
-            confidence: 0 to 1.
+            level: probability that an interval holds the true value, between 0 and 1.
             of: ``estimated``: the base parameters of ``theta``; ``base``: all base parameters;
                 ``standard``: all standard parameters.
 
         Raises:
-            IdentificationError: another confidence.
+            IdentificationError: another level.
             ExperimentError: another ``of``.
         """
-        key = (confidence, of)
+        key = (level, of)
         if key not in self._found:
-            self._found[key] = self._intervals(confidence, of)
+            self._found[key] = self._intervals(level, of)
         return self._found[key]
 
-    def _intervals(self, confidence: float, of: str) -> ProfileIntervals:
+    def _intervals(self, level: float, of: str) -> ProfileIntervals:
         base, everything = self._base, np.eye(len(self.parameters))
         if of not in ("estimated", "base", "standard"):
             raise ExperimentError(f"intervals of {of!r}: choose estimated, base or standard")
@@ -218,10 +225,10 @@ class ConsistentModel:
                 directions, chosen = directions[own], self.free.parameters
                 names = self.names
         low, high = profile_intervals(
-            self._space, self._constraints, self.least_distance, directions, confidence
+            self._space, self._constraints, self.least_distance, directions, level
         )
         return ProfileIntervals(
-            names, tuple(p.unit for p in chosen), directions @ self.values, low, high, confidence
+            names, tuple(p.unit for p in chosen), directions @ self.values, low, high, level
         )
 
     def headline(self) -> str:
@@ -344,6 +351,8 @@ def make_consistent(
             fit.
         IdentificationError: a covariance that cannot serve as a metric.
     """
+    kinds = "give what identify returns; a robot's own values are stored_model(robot)"
+    require_kind("identification", identification, Identification, kinds)
     without_base(identification.robot, "physical consistency", "use the estimate as it is")
     if prior not in PRIORS:
         raise ExperimentError(

@@ -2,7 +2,7 @@
 
 The interval of a parameter a runs from the smallest to the largest aᵀφ over
 
-    {φ consistent,  d²(φ) ≤ d*² + χ²₁(confidence)} :
+    {φ consistent,  d²(φ) ≤ d*² + χ²₁(level)} :
 
 a profile likelihood, two semidefinite programs with one second-order cone each. The interval of a
 base parameter is that of the estimate, restricted to physically possible values. That of a standard
@@ -19,10 +19,12 @@ import numpy as np
 
 from pivident.foundation.distributions import chi_square
 from pivident.foundation.document.table import Column, Table
-from pivident.foundation.errors import IdentificationError
+from pivident.foundation.errors import IdentificationError, UnknownName
+from pivident.foundation.text.display import Displayed
 from pivident.models.consistency.cone_program import Requirement, Solved, solve_cone_program
 from pivident.models.consistency.constraints import Constraint
 from pivident.models.consistency.nearest_consistent import StandardSpace, imposed, within_distance
+from pivident.robot.naming import nearest
 
 #: Undetermined parameters are searched up to this many times the size of the reference. An end that
 #: grows with that limit (with the limit itself or its root, 1 or ½ of the end) is unbounded.
@@ -40,7 +42,7 @@ ENDS = {
 
 
 @dataclass(frozen=True, eq=False)
-class ProfileIntervals:
+class ProfileIntervals(Displayed):
     """Intervals of several quantities."""
 
     names: tuple[str, ...]  # of the quantities
@@ -49,12 +51,12 @@ class ProfileIntervals:
     # lower ends, shape (quantities,); -∞ if unbounded, NaN if the solver found no end
     low: np.ndarray
     high: np.ndarray  # upper ends, likewise
-    confidence: float  # of the intervals, 0 to 1
+    level: float  # of the intervals, 0 to 1
 
     def of(self, name: str) -> tuple[float, float]:
         """Interval of one quantity."""
         if name not in self.names:
-            raise KeyError(f"no quantity {name!r}; there are {', '.join(self.names)}")
+            raise UnknownName(f"no quantity {name!r}", advice=nearest(name, self.names))
         k = self.names.index(name)
         return float(self.low[k]), float(self.high[k])
 
@@ -77,7 +79,7 @@ class ProfileIntervals:
             "quantity": Column(self.names, "parameter"),
             **{key: Column(x, cells=[f"{v:.4g}" for v in x]) for key, x in ends.items()},
             "unit": Column(self.units),
-            "confidence": Column(np.full(len(self.names), self.confidence), shown="files"),
+            "confidence": Column(np.full(len(self.names), self.level), shown="files"),
         }
         return Table("intervals", columns, ENDS)
 
@@ -103,14 +105,14 @@ def profile_intervals(
     constraints: Sequence[Constraint],
     least_distance: float,
     directions: np.ndarray,
-    confidence: float,
+    level: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Smallest and largest aᵀφ for each row a of ``directions``.
 
     Infinite where nothing bounds them, NaN where the solver finds none.
     """
     undetermined = np.arange(space.distances, space.slope.shape[1])
-    requirements = [*imposed(space, constraints), allowed(space, least_distance, confidence)]
+    requirements = [*imposed(space, constraints), allowed(space, least_distance, level)]
     if undetermined.size:
         rows = np.eye(undetermined.size + 1, undetermined.size, -1)
         searched = np.r_[SEARCHED, np.zeros(undetermined.size)]
@@ -134,11 +136,13 @@ def profile_intervals(
     return low, high
 
 
-def allowed(space: StandardSpace, least_distance: float, confidence: float) -> Requirement:
-    """The condition d² ≤ d*² + χ²₁(confidence)."""
-    if not 0.0 < confidence < 1.0:
-        raise IdentificationError(f"confidence lies between 0 and 1, not {confidence}")
-    return within_distance(space, float(np.sqrt(least_distance**2 + chi_square.ppf(confidence, 1))))
+def allowed(space: StandardSpace, least_distance: float, level: float) -> Requirement:
+    """The condition d² ≤ d*² + χ²₁(level)."""
+    if not 0.0 < level < 1.0:
+        raise IdentificationError(
+            f"level lies between 0 and 1, not {level}", advice="0.95 is usual"
+        )
+    return within_distance(space, float(np.sqrt(least_distance**2 + chi_square.ppf(level, 1))))
 
 
 def lowest(slope: np.ndarray, requirements: Sequence[Requirement]) -> Solved:

@@ -29,6 +29,7 @@ from pivident.dynamics.grouping.expressions import (
     operation_count,
     ordered,
 )
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.identifiers import identifiers, one_line
 
 #: Operations in one assignment above which parts of it get a variable of their own.
@@ -79,7 +80,7 @@ class Output:
 
 
 @dataclass(frozen=True, eq=False)
-class Assignments:
+class Assignments(Displayed):
     """Expressions in the order of their evaluation; `Program` writes them in a language.
 
     Attributes:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pivident.foundation.errors import UnusableValue
 from pivident.robot.friction_column import Constant, FrictionColumn, Key
 from pivident.robot.friction_term import Candidate, FrictionTerm, TermKind
 from pivident.robot.friction_terms.stribeck import EXCESS, EXPONENT, SPEED, weakening
@@ -54,7 +55,7 @@ def maxwell_slip(
         ValueError: two elements are alike, or a constant is outside its range.
     """
     if len(set(distances)) < len(distances):
-        raise ValueError(f"slip distances must differ from each other, not {list(distances)}")
+        raise UnusableValue(f"slip distances must differ from each other, not {list(distances)}")
     curve = weakening(excess, speed, exponent) if excess != 0.0 else ()
     return tuple(
         FrictionTerm(

@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import Limits, Name
 from pivident.robot.description import MAX_JOINTS, Robot
 from pivident.robot.frames import Vector3
@@ -53,7 +54,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Outline:
+class Outline(Displayed):
     """The bodies of a robot, and where they come from.
 
     Attributes:

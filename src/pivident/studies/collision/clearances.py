@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.display import Displayed
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops
 from pivident.studies.collision.bodies import Body, LinkPoses
@@ -40,7 +41,7 @@ CONSTANT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Clearances:
+class Clearances(Displayed):
     """What must stay apart, and how far apart it is; made by `Clearances.of`.
 
     Attributes:

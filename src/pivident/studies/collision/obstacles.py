@@ -9,6 +9,7 @@ import numpy as np
 
 from pivident.experiment.excite_keys import SHAPES, ObstacleShape
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import Limits, Name
 from pivident.robot.description import Robot
 from pivident.robot.frames import Matrix3, Vector3, rotation_from_z_to
@@ -19,7 +20,7 @@ Length = Annotated[float, Limits(ge=0.0)]
 
 
 @dataclass(frozen=True, eq=False)
-class Obstacle:
+class Obstacle(Displayed):
     """A solid that stands still in the base frame, centred on its own frame.
 
     Attributes:
@@ -113,7 +114,7 @@ class Obstacle:
 
 
 @dataclass(frozen=True, eq=False)
-class ToolBox:
+class ToolBox(Displayed):
     """A box along the axes of the base frame that a point of the tool must not leave.
 
     Attributes:

@@ -211,7 +211,7 @@ def to_values(comparison: ComparedResults) -> dict[str, Any]:
     content = {
         "schema": SCHEMA,
         "version": __version__,
-        "level": comparison.level,
+        "level": comparison.alpha,
         "tests": comparison.tests,
         "correction": "Holm",
         "interval": "2 sigma",

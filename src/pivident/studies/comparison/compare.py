@@ -2,7 +2,7 @@
 
 All are compared with the first. A difference is marked where it is significant after correction for
 the number of differences that are looked at, so that the probability of marking one or more that
-are none is at most the level.
+are none is at most α.
 
 Which quantities of several results are the same, and what each result says about them.
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from typing import Any
@@ -44,9 +44,11 @@ from pivident.studies.comparison.remarks import remarks
 from pivident.studies.comparison.side_by_side import comparison_text
 
 #: Probability of one false mark or more in a comparison.
-LEVEL = 0.05
+ALPHA = 0.05
 #: Results side by side, at most: beyond that a fleet is the better question.
 MOST = 24
+#: What can be compared.
+Result = Identification | str | PathLike[str]
 #: A quantity: name, unit, group written out, and its coefficients on standard parameters.
 Quantity = tuple[str, str, str, Mapping[Key, float]]
 
@@ -57,7 +59,7 @@ class Comparison(ComparedResults):
     Attributes:
         entries: the results; the others are compared with the first.
         parameters: quantity by quantity.
-        level: probability of one false mark or more.
+        alpha: probability of one false mark or more.
         same_record: whether each result may share its record with the first.
         one_machine: whether all robots have the same geometry.
         torques: torques of all results on the records of those that hold them.
@@ -157,30 +159,43 @@ def _same(a: Mapping[Key, float], b: Mapping[Key, float]) -> bool:
 
 
 def compare(
-    results: Sequence[Identification | str | PathLike[str]],
+    results: Sequence[Result] | Mapping[str, Result],
     labels: Sequence[str] | None = None,
     *,
-    level: float = LEVEL,
+    alpha: float = ALPHA,
 ) -> Comparison:
     """Compare results with the first of them.
 
     Args:
-        results: identifications, or files and folders of results (`load_entries`), in any mixture.
+        results: identifications, or files and folders of results (`load_entries`), in any mixture;
+            a table of them gives each its label.
         labels: a name for each; None: the methods where they differ, else parts of the paths.
-        level: probability of one false mark or more.
+        alpha: probability of one false mark or more.
 
     Returns:
         The comparison; printed, it is a table with a mark at what differs.
 
     Raises:
-        ComparisonError: fewer than two results, or labels that do not fit.
+        ComparisonError: fewer than two results, labels that do not fit, or robots that have the
+            same joints in another order.
         IdentificationFileError: a file cannot be used.
     """
+    if isinstance(results, Mapping):
+        labels, results = labels or list(results), list(results.values())
+    if labels is not None and not _is_sequence_of_names(labels):
+        raise ComparisonError(
+            f"labels is {labels!r}", advice="give all results in one list, compare([one, other])"
+        )
     with work_in_common():  # base parameters once for each robot
-        return _compared(_named(_entries(results), labels), level)
+        return _compared(_named(_entries(results), labels), alpha)
 
 
-def _compared(entries: Sequence[Entry], level: float) -> Comparison:
+def _is_sequence_of_names(labels: Any) -> bool:
+    """Whether it can be the names of several results: neither a result nor one name."""
+    return isinstance(labels, Iterable) and not isinstance(labels, (str, PathLike, Identification))
+
+
+def _compared(entries: Sequence[Entry], alpha: float) -> Comparison:
     """Entries under their names compared with the first of them."""
     if len(entries) < 2:
         raise ComparisonError(
@@ -192,11 +207,13 @@ def _compared(entries: Sequence[Entry], level: float) -> Comparison:
             f"there are {len(entries)} results, and no one reads more than {MOST} side by side",
             advice="`pivident fleet` follows parameters over many records",
         )
-    if not 0.0 < level < 1.0:
+    if not 0.0 < alpha < 1.0:
         raise ComparisonError(
-            f"level is {level:g}", advice=f"it is a probability between 0 and 1, such as {LEVEL:g}"
+            f"alpha is {alpha:g}", advice=f"it is a probability between 0 and 1, such as {ALPHA:g}"
         )
     first = entries[0]
+    for entry in entries[1:]:
+        _check_joint_order(first, entry)
     geometry = [difference_of_geometry(first.robot, e.robot) for e in entries]
     one_machine = not any(geometry)
     rows = aligned_by_group(entries) if one_machine else aligned_by_name(entries)
@@ -205,7 +222,7 @@ def _compared(entries: Sequence[Entry], level: float) -> Comparison:
     comparison = Comparison(
         entries=tuple(entries),
         parameters=parameters,
-        level=level,
+        alpha=alpha,
         same_record=same_record,
         one_machine=one_machine,
         torques=cross_torques(entries) if one_machine else (),
@@ -215,10 +232,22 @@ def _compared(entries: Sequence[Entry], level: float) -> Comparison:
     return replace(comparison, notes=tuple(remarks(comparison, geometry)))
 
 
+def _check_joint_order(first: Entry, other: Entry) -> None:
+    """Refuse the same joints in another order, whose parameters have each other's numbers."""
+    one, two = first.robot.joint_names, other.robot.joint_names
+    if one != two and set(one) == set(two):
+        raise ComparisonError(
+            f"{first.label} has the joints {', '.join(one)}, {other.label} {', '.join(two)}: the "
+            "numbers of their parameters mean different joints",
+            advice="describe the robot with its joints in one order, and identify again",
+        )
+
+
 def _entries(results: Any) -> list[Entry]:
     """Results of any kind; files are read together, so that their names differ."""
-    if isinstance(results, (str, PathLike, Identification)):
+    if isinstance(results, (str, PathLike, Identification)) or not isinstance(results, Iterable):
         results = [results]
+    results = list(results)
     entries: list[list[Entry]] = []
     paths = [r for r in results if not isinstance(r, Identification)]
     for path in paths:

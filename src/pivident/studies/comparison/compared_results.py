@@ -59,7 +59,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Difference:
+class Difference(Displayed):
     """An estimate less the first one.
 
     Attributes:
@@ -134,7 +134,7 @@ def holm(p: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class ComparedParameter:
+class ComparedParameter(Displayed):
     """One quantity in all results.
 
     Attributes:
@@ -218,7 +218,7 @@ class ComparedResults(Displayed):
 
     entries: tuple[Entry, ...]
     parameters: tuple[ComparedParameter, ...]
-    level: float
+    alpha: float
     same_record: tuple[bool, ...]
     one_machine: bool
     torques: tuple[CrossTorque, ...]
@@ -240,8 +240,8 @@ class ComparedResults(Displayed):
         )
 
     def is_marked(self, found: Difference | None) -> bool:
-        """Whether a difference is significant at the level, among all that were tested."""
-        return found is not None and found.p_adjusted <= self.level
+        """Whether a difference is significant, among all that were tested."""
+        return found is not None and found.p_adjusted <= self.alpha
 
     def marked(self, entry: int) -> tuple[str, ...]:
         """Names of the parameters of a result that differ significantly from the first's."""

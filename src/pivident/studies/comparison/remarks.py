@@ -42,7 +42,7 @@ def level_sentence(comparison: ComparedResults) -> str:
         return "No difference could be tested: at least one of both sides has no interval."
     return (
         f"* differs significantly: the probability of one false mark or more among the "
-        f"{comparison.tests} differences is at most {100.0 * comparison.level:g} % (Holm), for "
+        f"{comparison.tests} differences is at most {100.0 * comparison.alpha:g} % (Holm), for "
         "normal errors with these standard errors. On measured records part of the model "
         "error is not in them, and it changes with the motion."
     )

@@ -14,6 +14,7 @@ import numpy as np
 
 from pivident.foundation.document.table import Column, Table
 from pivident.foundation.text import display
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import Known, Limits, Name, Null, Sized, csv_table
 from pivident.robot.description import Joint
 from pivident.robot.robot_values import StoredRobot
@@ -34,7 +35,7 @@ Limited = Literal["position", "speed", "acceleration", "jerk", "torque", "rms to
 
 
 @dataclass(frozen=True)
-class LimitUse:
+class LimitUse(Displayed):
     """How far a motion goes towards one limit of a joint, on the fine grid.
 
     Attributes:
@@ -90,7 +91,7 @@ class ClearanceUse:
 
 
 @dataclass(frozen=True)
-class PredictedError:
+class PredictedError(Displayed):
     """What the motion will give for one parameter.
 
     Attributes:
@@ -132,7 +133,7 @@ class PredictedError:
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class Design(Displayed):
     """A motion that excites, and what its record is expected to determine.
 
     Attributes:

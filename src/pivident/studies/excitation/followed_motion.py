@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.data.recording.recording import Recording
+from pivident.foundation.text.display import Displayed
 from pivident.studies.excitation.motions import ExcitingMotion
 
 #: Rate at which motions are compared [Hz].
@@ -44,7 +45,7 @@ MAX_SHARE = 1.2
 
 
 @dataclass(frozen=True, eq=False)
-class FollowedMotion:
+class FollowedMotion(Displayed):
     """How a recorded motion compares with a designed one.
 
     Attributes:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.sentences import listed
 from pivident.loop.motion.wanted_motion import RISE
 from pivident.robot.description import Robot
@@ -21,7 +22,7 @@ DESCRIPTION, FILE, ASSUMED = "description", "file", "assumed"
 
 
 @dataclass(frozen=True, eq=False)
-class JointLimits:
+class JointLimits(Displayed):
     """What a motion must stay inside of; arrays of shape (joints,), infinite for no limit.
 
     Attributes:

@@ -21,6 +21,7 @@ from typing import Annotated, Literal, get_args
 import numpy as np
 
 from pivident.foundation.errors import UnusableValue
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import LATER, As, Limits, Sized
 from pivident.loop.simulation.reference import trapezoidal_move
 
@@ -110,7 +111,7 @@ class MotionFamily:
 
 
 @dataclass(frozen=True, eq=False)
-class ExcitingMotion:
+class ExcitingMotion(Displayed):
     """A motion of a robot: a family of functions and their coefficients.
 
     Attributes:

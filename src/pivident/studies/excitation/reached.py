@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.estimation.identification import Identification
@@ -185,7 +186,10 @@ def _of_design(
     made = ReachedErrors(file, result.method, design.noise)
     if reason := _foreign(design, result):
         return replace(made, reason=reason)
-    made = replace(made, followed=tuple(followed_motion(r, design.motion) for r in own))
+    made = replace(
+        made,
+        followed=tuple(followed_motion(in_order_of(design.robot, r), design.motion) for r in own),
+    )
     different = [f.recording for f in made.followed if not f.is_same]
     if different:
         return replace(made, reason=other_motion(made.followed, different))

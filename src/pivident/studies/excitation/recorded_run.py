@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.data.logs.timestamps import runs_of
+from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
@@ -201,15 +202,16 @@ def recorded_run(design: Design, recording: Recording) -> RecordedRun:
 
     Args:
         design: the design.
-        recording: of the same joints.
+        recording: of the same joints, which are found by name.
 
     Returns:
         Tracking error, stops, speeds, accelerations, and the standard errors to expect.
 
     Raises:
+        ExperimentError: it has other joints than the design.
         RecordingTooShort: too few samples for speeds and accelerations.
     """
-    motion = design.motion
+    motion, recording = design.motion, in_order_of(design.robot, recording)
     followed = followed_motion(recording, motion)
     signals = Bandpass(cutoff=min(BAND / motion.family.time_scale, 0.4 * recording.rate), edge=0)
     kinematics = estimate_kinematics(recording, signals)

@@ -17,6 +17,7 @@ from pivident.dynamics.base_parameters import BaseParameters
 from pivident.experiment.excite_keys import ExciteEntry
 from pivident.experiment.explained import checked, errors_name, toml_content
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.display import Displayed
 from pivident.robot.description import Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.robot.mdh_keys import Entry
@@ -44,7 +45,7 @@ UNHURRIED = 1.6
 
 
 @dataclass(frozen=True)
-class DesignRequest:
+class DesignRequest(Displayed):
     """What is asked of a motion.
 
     Attributes:

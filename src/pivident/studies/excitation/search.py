@@ -43,7 +43,7 @@ INNER_RANGE = 0.7
 FURTHER_POSTURES, WHOLE_RANGE = 200, 0.95
 
 
-class SearchEnded(Exception):
+class _SearchEnded(Exception):
     """The time is over, or the user has seen enough."""
 
 
@@ -201,7 +201,7 @@ class Descent:
                 self._program(box)
                 if not self.own < before - WORTH:
                     box = SMALLER * min(box, 1.0)
-        except SearchEnded:
+        except _SearchEnded:
             return
 
     def _program(self, box: float) -> None:
@@ -225,7 +225,7 @@ class Descent:
     ) -> tuple:
         """A result at z, which SLSQP asks for in two calls."""
         if self.best.is_over:
-            raise SearchEnded
+            raise _SearchEnded
         key = z.tobytes()
         if kind not in self._kept or self._kept[kind][0] != key:
             self._kept[kind] = (key, compute(self.unpacked(z)))

@@ -14,6 +14,7 @@ from pivident.robot.naming import nearest
 from pivident.studies.figures.paper_style import (
     MAX_HEIGHT,
     FigureError,
+    legend_above,
     line_style,
     new_figure,
     paper_style,
@@ -22,6 +23,8 @@ from pivident.studies.figures.paper_style import (
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from pivident.studies.figures.paper_style import Panels
 
 #: Height of one parameter, and of each result beyond the first [inch].
 _ROW, _FURTHER = 0.17, 0.07
@@ -34,6 +37,7 @@ def figure_of_intervals(
     labels: Sequence[str] | None = None,
     truth: Mapping[str, float] | None = None,
     columns: int = 1,
+    ax: Panels = None,
 ) -> Figure:
     """Estimates ±2σ of every parameter, each on a scale of its own, with the numbers at its side.
 
@@ -47,6 +51,7 @@ def figure_of_intervals(
         labels: names of the results; None: their methods.
         truth: known values by parameter name.
         columns: width, 1 or 2 columns of a page.
+        ax: axes to draw into, one for each panel in order of reading; None: a new figure.
 
     Returns:
         The figure; `save_figure` writes it.
@@ -64,41 +69,43 @@ def figure_of_intervals(
             raise FigureError(f"there is no parameter {name!r}", advice=nearest(name, table))
     names = list(parameters or table)
     height = min(len(names) * (_ROW + _FURTHER * (len(many) - 1)) + 0.3, MAX_HEIGHT - 0.35)
-    with paper_style():
-        figure, (ax,) = new_figure(1, columns=columns, row_height=height)
+    with paper_style(ax):
+        figure, (panel,) = new_figure(1, columns=columns, ax=ax, row_height=height)
         step = 0.7 / len(many)
         texts = []
         for row, name in enumerate(names):
             drawing = interval_drawing(table[name], labels, with_zero=len(many) == 1)
             for place, dashes in ((drawing.zero, ":"), (drawing.truth, "--")):
                 if place is not None:
-                    ax.plot([place] * 2, [row - 0.45, row + 0.45], dashes, color="#777777", lw=0.7)
+                    panel.plot(
+                        [place] * 2, [row - 0.45, row + 0.45], dashes, color="#777777", lw=0.7
+                    )
             for i in drawing.intervals:
                 y = row + (i.method - (len(many) - 1) / 2) * step
                 style = line_style(i.method, marker=True)
-                ax.plot([i.left, i.right], [y, y], color=style["color"], lw=1.1)
-                ax.plot(
+                panel.plot([i.left, i.right], [y, y], color=style["color"], lw=1.1)
+                panel.plot(
                     i.middle, y, ls="none", marker=style["marker"], color=style["color"], ms=2.8
                 )
             last = [r for r in table[name] if r is not None][-1]
             texts.append(last.in_words)
-        ax.set_ylim(len(names) - 0.4, -0.6)
-        ax.set_xlim(0.0, 100.0)
-        ax.set_xticks([])
-        ax.set_yticks(range(len(names)), [plain(name) for name in names])
-        ax.grid(visible=False)
-        side = ax.twinx()
-        side.set_ylim(ax.get_ylim())
+        panel.set_ylim(len(names) - 0.4, -0.6)
+        panel.set_xlim(0.0, 100.0)
+        panel.set_xticks([])
+        panel.set_yticks(range(len(names)), [plain(name) for name in names])
+        panel.grid(visible=False)
+        side = panel.twinx()
+        side.set_ylim(panel.get_ylim())
         side.set_yticks(range(len(names)), texts)
-        for both in (ax, side):
+        for both in (panel, side):
             both.tick_params(length=0)
             for spine in both.spines.values():
                 spine.set_visible(False)
         if len(many) > 1:
             for k, label in enumerate(labels):
                 style = line_style(k, marker=True)
-                ax.plot([], [], marker=style["marker"], color=style["color"], label=plain(label))
-            figure.legend(loc="outside upper center", ncols=min(len(many), 4))
+                panel.plot([], [], marker=style["marker"], color=style["color"], label=plain(label))
+            legend_above(figure, panel, min(len(many), 4), ax)
     return figure
 
 
@@ -106,7 +113,9 @@ def figure_of_intervals(
 _READABLE = {1: 30, 2: 62}
 
 
-def figure_of_correlations(result: Identification, *, columns: int = 1) -> Figure:
+def figure_of_correlations(
+    result: Identification, *, columns: int = 1, ax: Panels = None
+) -> Figure:
     """Correlation of every pair of estimates, -1 to 1.
 
     Positive ones are red, negative blue; in grey both are dark, so the sign of strong ones (beyond
@@ -115,6 +124,7 @@ def figure_of_correlations(result: Identification, *, columns: int = 1) -> Figur
     Args:
         result: the identification.
         columns: width, 1 or 2 columns of a page.
+        ax: axes to draw into, one for each panel in order of reading; None: a new figure.
 
     Returns:
         The figure; `save_figure` writes it.
@@ -129,31 +139,34 @@ def figure_of_correlations(result: Identification, *, columns: int = 1) -> Figur
         )
     correlation = result.covariance / np.outer(std, std)
     n = len(result.names)
-    with paper_style():
+    with paper_style(ax):
         height = 3.0 if columns == 1 else 6.0
-        figure, (ax,) = new_figure(1, columns=columns, row_height=height)
-        image = ax.imshow(correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0, interpolation="nearest")
-        ax.grid(visible=False)
+        figure, (panel,) = new_figure(1, columns=columns, ax=ax, row_height=height)
+        image = panel.imshow(
+            correlation, cmap="RdBu_r", vmin=-1.0, vmax=1.0, interpolation="nearest"
+        )
+        panel.grid(visible=False)
         step = -(-n // _READABLE.get(columns, 30))
         places = np.arange(0, n, step)
         size = float(np.clip(200.0 * columns * step / n, 4.5, 7.0))
         names = [plain(result.names[k]) for k in places]
-        ax.set_xticks(places, names, rotation=90, fontsize=size)
-        ax.set_yticks(places, names, fontsize=size)
+        panel.set_xticks(places, names, rotation=90, fontsize=size)
+        panel.set_yticks(places, names, fontsize=size)
         for a, b in zip(*np.nonzero(np.abs(correlation) > 0.5), strict=True):
             if a != b and n <= _READABLE.get(columns, 30):
                 sign = "+" if correlation[a, b] > 0 else "−"
-                ax.text(b, a, sign, ha="center", va="center", color="white", fontsize=size)
-        figure.colorbar(image, ax=ax, shrink=0.85, label="correlation")
+                panel.text(b, a, sign, ha="center", va="center", color="white", fontsize=size)
+        figure.colorbar(image, ax=panel, shrink=0.85, label="correlation")
     return figure
 
 
-def figure_of_convergence(result: Identification, *, columns: int = 1) -> Figure:
+def figure_of_convergence(result: Identification, *, columns: int = 1, ax: Panels = None) -> Figure:
     """Distance of all parameters from the estimate in σ, and the criteria, over the iterations.
 
     Args:
         result: an identification by an iterative method.
         columns: width, 1 or 2 columns of a page.
+        ax: axes to draw into, one for each panel in order of reading; None: a new figure.
 
     Returns:
         The figure; `save_figure` writes it.
@@ -175,8 +188,8 @@ def figure_of_convergence(result: Identification, *, columns: int = 1) -> Figure
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.abs(theta - result.theta) / result.std
     distance[~(np.isfinite(distance) & (distance > 0.0))] = np.nan
-    with paper_style():
-        figure, (top, bottom) = new_figure(2, columns=columns, row_height=1.5, share_x=True)
+    with paper_style(ax):
+        figure, (top, bottom) = new_figure(2, columns=columns, ax=ax, row_height=1.5, share_x=True)
         for p, line in zip(result.parameters, distance.T, strict=True):
             top.semilogy(steps, line, lw=0.7, **line_style(p.joint, marker=True) | {"ms": 2.2})
         top.axhline(1.0, color="#555555", lw=0.7, ls="--")

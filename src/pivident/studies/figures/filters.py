@@ -22,11 +22,15 @@ from pivident.studies.figures.paper_style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from pivident.studies.figures.paper_style import Panels
+
 #: Frequencies of a curve.
 _POINTS = 600
 
 
-def figure_of_bandpass(rate: float, cutoff: float, order: int = 4, *, columns: int = 1) -> Figure:
+def figure_of_bandpass(
+    rate: float, cutoff: float, order: int = 4, *, columns: int = 1, ax: Panels = None
+) -> Figure:
     """Bode diagram of the recipe of `bandpass`: low-pass both ways, central difference, product.
 
     Forwards and backwards the low-pass has the gain |H(f)|² and no phase; the central difference is
@@ -37,6 +41,7 @@ def figure_of_bandpass(rate: float, cutoff: float, order: int = 4, *, columns: i
         cutoff: -3 dB in one run of the low-pass [Hz].
         order: order of one run.
         columns: width, 1 or 2 columns of a page.
+        ax: axes to draw into, one for each panel in order of reading; None: a new figure.
 
     Returns:
         The figure; `save_figure` writes it.
@@ -53,20 +58,24 @@ def figure_of_bandpass(rate: float, cutoff: float, order: int = 4, *, columns: i
         "low-pass, both ways": low + 0j,
         "band-pass": low * difference,
     }
-    with paper_style():
-        figure, (gain, phase) = new_figure(2, columns=columns, row_height=1.7, share_x=True)
+    with paper_style(ax):
+        figure, (gain, phase) = new_figure(2, columns=columns, ax=ax, row_height=1.7, share_x=True)
         for k, (label, response) in enumerate(curves.items()):
             level = 20.0 * np.log10(np.maximum(np.abs(response), 1e-12))
             gain.semilogx(frequency, level, label=label, **line_style(k))
             phase.semilogx(frequency, np.degrees(np.angle(response)), **line_style(k))
         gain.set(ylabel="gain [dB]", ylim=(-60.0, 90.0))
         phase.set(ylabel="phase [°]", xlabel="frequency [Hz]", ylim=(-10.0, 100.0))
-        legend_above(figure, gain, 2)
+        legend_above(figure, gain, 2, ax)
     return figure
 
 
 def figure_of_prefilters(
-    result: Identification, joints: Sequence[str | int] | None = None, *, columns: int = 1
+    result: Identification,
+    joints: Sequence[str | int] | None = None,
+    *,
+    columns: int = 1,
+    ax: Panels = None,
 ) -> Figure:
     """Gain |A N/D| of each joint's prefilter over that at the lowest frequency, in decibel.
 
@@ -74,6 +83,7 @@ def figure_of_prefilters(
         result: an identification at the full rate that still holds its equations.
         joints: names or numbers from 1; None: all.
         columns: width, 1 or 2 columns of a page.
+        ax: axes to draw into, one for each panel in order of reading; None: a new figure.
 
     Returns:
         The figure; `save_figure` writes it.
@@ -91,14 +101,14 @@ def figure_of_prefilters(
         raise FigureError(f"{result.method} filters by a band-pass and has no prefilters")
     rate = chosen_recording(result, 0).whitened_rate
     frequency = np.geomspace(rate / 2.0e4, 0.5 * rate, _POINTS)
-    with paper_style():
-        figure, (ax,) = new_figure(1, columns=columns, row_height=2.1)
+    with paper_style(ax):
+        figure, (panel,) = new_figure(1, columns=columns, ax=ax, row_height=2.1)
         for k, j in enumerate(chosen):
             own = equations.filters[j]
             gain = np.abs(own.response(frequency, rate))
             decibel = 20.0 * np.log10(np.maximum(gain / max(gain[0], 1e-300), 1e-300))
             name = plain(result.robot.joint_names[j])
-            ax.semilogx(frequency, decibel, label=name, **line_style(k))
-        ax.set(xlabel="frequency [Hz]", ylabel="gain [dB], lowest frequency 0")
-        ax.legend(ncols=2)
+            panel.semilogx(frequency, decibel, label=name, **line_style(k))
+        panel.set(xlabel="frequency [Hz]", ylabel="gain [dB], lowest frequency 0")
+        panel.legend(ncols=2)
     return figure

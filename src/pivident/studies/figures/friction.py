@@ -25,6 +25,8 @@ from pivident.studies.figures.paper_style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from pivident.studies.figures.paper_style import Panels
+
 
 def figure_of_friction(
     results: Identification | Sequence[Identification],
@@ -32,6 +34,7 @@ def figure_of_friction(
     *,
     labels: Sequence[str] | None = None,
     columns: int = 2,
+    ax: Panels = None,
 ) -> Figure:
     """Friction by the terms of each law that depend on speed alone, with ±2σ, up to rated speed.
 
@@ -40,6 +43,7 @@ def figure_of_friction(
         joints: names or numbers from 1; None: all.
         labels: names of the results; None: their methods.
         columns: width, 1 or 2 columns of a page.
+        ax: axes to draw into, one for each panel in order of reading; None: a new figure.
 
     Returns:
         The figure; `save_figure` writes it.
@@ -59,21 +63,21 @@ def figure_of_friction(
     curves = [joint for joint in friction_curves(entries) if joint.name in wanted]
     if not curves:
         raise FigureError("no friction that depends on speed was estimated on these joints")
-    with paper_style():
-        figure, axes = joint_panels(len(curves), columns=columns, row_height=1.6)
-        for ax, joint in zip(axes, curves, strict=True):
+    with paper_style(ax):
+        figure, axes = joint_panels(len(curves), columns=columns, ax=ax, row_height=1.6)
+        for panel, joint in zip(axes, curves, strict=True):
             for curve in joint.curves:
                 style = line_style(curve.entry)
                 if np.isfinite(curve.std).all():
                     ends = (curve.torque - 2.0 * curve.std, curve.torque + 2.0 * curve.std)
-                    ax.fill_between(joint.speed, *ends, color=style["color"], alpha=0.2, lw=0)
-                ax.plot(joint.speed, curve.torque, label=plain(labels[curve.entry]), **style)
+                    panel.fill_between(joint.speed, *ends, color=style["color"], alpha=0.2, lw=0)
+                panel.plot(joint.speed, curve.torque, label=plain(labels[curve.entry]), **style)
             quantity = "force" if joint.torque_unit == "N" else "torque"
-            ax.set(
+            panel.set(
                 xlabel=f"speed [{joint.speed_unit}]",
                 ylabel=f"friction {quantity} [{joint.torque_unit}]",
                 title=plain(joint.name),
             )
         if len(many) > 1:
-            legend_above(figure, axes[0], min(len(many), 4))
+            legend_above(figure, axes[0], min(len(many), 4), ax)
     return figure

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
     from pivident.estimation.identification import FittedRecording, Identification
 
+    #: Axes of the caller, one for each panel; None: a figure of its own.
+    Panels = Axes | Sequence[Axes] | np.ndarray | None
+
 #: Width of one and of two columns [inch], as journals of control and robotics print them.
 WIDTHS = {1: 3.5, 2: 7.16}
 #: Tallest figure, a page's height [inch].
@@ -82,17 +85,25 @@ class FigureError(PividentError, ValueError):
 
 
 @contextmanager
-def paper_style() -> Iterator[None]:
-    """The style within the context only; the caller's own settings come back."""
+def paper_style(ax: Panels = None) -> Iterator[None]:
+    """The style within the context only; the caller's settings come back, and hold for ``ax``."""
     matplotlib = require("matplotlib", extra="figures", purpose="a figure for papers")
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context(STYLE if ax is None else {}):
         yield
 
 
 def new_figure(
-    rows: int, across: int = 1, *, columns: int = 1, row_height: float = 1.5, share_x: bool = False
+    rows: int,
+    across: int = 1,
+    *,
+    columns: int = 1,
+    row_height: float = 1.5,
+    share_x: bool = False,
+    ax: Panels = None,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with a grid of axes, in order of reading."""
+    """A figure with a grid of axes, in order of reading; the caller's where ``ax`` is given."""
+    if ax is not None:
+        return _figure_of(ax, rows * across)
     if columns not in WIDTHS:
         raise FigureError(
             f"columns is {columns!r}", advice="figures have the width of 1 or 2 columns"
@@ -102,6 +113,19 @@ def new_figure(
     figure = drawing.Figure(figsize=size, layout="constrained")
     axes = figure.subplots(rows, across, squeeze=False, sharex=share_x)
     return figure, list(axes.ravel())
+
+
+def _figure_of(ax: Panels, count: int) -> tuple[Figure, list[Axes]]:
+    """The caller's axes, as many as there are panels, and their figure."""
+    axes: list[Axes] = list(np.ravel(np.asarray(ax, dtype=object)))
+    if len(axes) != count or not all(hasattr(each, "plot") for each in axes):
+        raise FigureError(
+            f"{len(axes)} axes are given for {count} panel{'s' * (count != 1)}",
+            advice="give one for each, in order of reading, such as "
+            f"figure.subplots({count}), or choose joints",
+        )
+    figure: Any = axes[0].get_figure()
+    return figure, axes
 
 
 def line_style(k: int, marker: bool = False) -> dict[str, Any]:
@@ -205,17 +229,22 @@ def chosen_signals(
 
 
 def joint_panels(
-    count: int, *, columns: int, row_height: float = 1.5, xlabel: str = ""
+    count: int, *, columns: int, row_height: float = 1.5, xlabel: str = "", ax: Panels = None
 ) -> tuple[Figure, list[Axes]]:
     """A figure with so many panels, one or two in a row, and no others visible."""
+    if ax is not None:
+        figure, axes = _figure_of(ax, count)
+        for each in axes if xlabel else ():
+            each.set_xlabel(xlabel)
+        return figure, axes
     across = min(count, 1 if columns == 1 else 2)
     figure, axes = new_figure(
         math.ceil(count / across), across, columns=columns, row_height=row_height
     )
-    for ax in axes[count:]:
-        ax.set_visible(False)
-    for ax in axes[max(count - across, 0) : count]:
-        ax.set_xlabel(xlabel)
+    for each in axes[count:]:
+        each.set_visible(False)
+    for each in axes[max(count - across, 0) : count]:
+        each.set_xlabel(xlabel)
     return figure, axes[:count]
 
 
@@ -233,7 +262,10 @@ def draw_curves(ax: Axes, curves: Curves, looks: Mapping[str | int, Mapping[str,
     ax.set(ylabel=curves.axis, xlim=(0.0, float(t[-1])))
 
 
-def legend_above(figure: Figure, ax: Axes, across: int) -> None:
-    """One legend for all panels, above them."""
-    handles, names = ax.get_legend_handles_labels()
+def legend_above(figure: Figure, first: Axes, across: int, ax: Panels = None) -> None:
+    """One legend for all panels, above them; in the first of the caller's axes."""
+    if ax is not None:
+        first.legend()
+        return
+    handles, names = first.get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper center", ncols=across)

@@ -30,6 +30,8 @@ from pivident.studies.figures.paper_style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from pivident.studies.figures.paper_style import Panels
+
 
 def figure_of_autocorrelations(
     results: Identification | Sequence[Identification],
@@ -37,6 +39,7 @@ def figure_of_autocorrelations(
     *,
     lags: int = COUNTED_LAGS,
     columns: int = 2,
+    ax: Panels = None,
 ) -> Figure:
     """Autocorrelations of each joint's residual, one row for each joint, and ±2/√n around zero.
 
@@ -48,6 +51,7 @@ def figure_of_autocorrelations(
         joints: names or numbers from 1; None: all.
         lags: number of lags.
         columns: width, 1 or 2 columns of a page.
+        ax: axes to draw into, one for each panel in order of reading; None: a new figure.
 
     Returns:
         The figure; `save_figure` writes it.
@@ -59,30 +63,34 @@ def figure_of_autocorrelations(
     if not made:
         raise FigureError("there is no result to draw", advice="give at least one")
     chosen = chosen_joints(made[0], joints)
-    with paper_style():
-        figure, axes = new_figure(len(chosen), len(made), columns=columns, row_height=1.3)
+    with paper_style(ax):
+        figure, axes = new_figure(len(chosen), len(made), columns=columns, ax=ax, row_height=1.3)
         for k, result in enumerate(made):
             chosen_recording(result, 0)
             residuals = joint_residuals(result)
-            for ax, j in zip(axes[k :: len(made)], chosen, strict=True):
+            for panel, j in zip(axes[k :: len(made)], chosen, strict=True):
                 found = autocorrelation(residuals[j], lags)
                 lag = np.arange(1, lags + 1)
-                ax.plot(
+                panel.plot(
                     lag, found.rho, "o", color="#D55E00", markersize=2.2, label="autocorrelation"
                 )
                 for side in (1.0, -1.0):
-                    ax.plot(lag, side * found.band, color="#0072B2", linewidth=0.9,
+                    panel.plot(lag, side * found.band, color="#0072B2", linewidth=0.9,
                             label="±2/√n" if side > 0 else None)  # fmt: skip
-                ax.set_ylabel(plain(result.robot.joint_names[j]) if k == 0 else "")
-                ax.set_xlim(0, lags + 1)
+                panel.set_ylabel(plain(result.robot.joint_names[j]) if k == 0 else "")
+                panel.set_xlim(0, lags + 1)
             axes[k].set_title(plain(result.method))
             axes[-len(made) + k].set_xlabel("lag [samples]")
-        legend_above(figure, axes[0], 2)
+        legend_above(figure, axes[0], 2, ax)
     return figure
 
 
 def figure_of_residual_spectra(
-    result: Identification, joints: Sequence[str | int] | None = None, *, columns: int = 2
+    result: Identification,
+    joints: Sequence[str | int] | None = None,
+    *,
+    columns: int = 2,
+    ax: Panels = None,
 ) -> Figure:
     """Spectrum of each joint's whitened residual, with the band that 95 % of white noise keeps to.
 
@@ -93,6 +101,7 @@ def figure_of_residual_spectra(
         result: an identification with its signals.
         joints: names or numbers from 1; None: all.
         columns: width, 1 or 2 columns of a page.
+        ax: axes to draw into, one for each panel in order of reading; None: a new figure.
 
     Returns:
         The figure; `save_figure` writes it.
@@ -102,11 +111,11 @@ def figure_of_residual_spectra(
     """
     chosen, *_ = chosen_signals(result, joints)
     spectra = residual_spectra(result)
-    with paper_style():
+    with paper_style(ax):
         figure, axes = joint_panels(
-            len(chosen), columns=columns, row_height=1.4, xlabel="frequency [Hz]"
+            len(chosen), columns=columns, ax=ax, row_height=1.4, xlabel="frequency [Hz]"
         )
-        for ax, j in zip(axes, chosen, strict=True):
+        for panel, j in zip(axes, chosen, strict=True):
             name, found = result.robot.joint_names[j], spectra[j]
             if found is None:
                 raise FigureError(
@@ -115,12 +124,12 @@ def figure_of_residual_spectra(
                 )
             frequency, power = found.white.frequency, found.white.density / found.white_level
             low, high = found.white.band(1.0)
-            ax.fill_between(
+            panel.fill_between(
                 frequency, low, high, color="#000000", alpha=0.12, linewidth=0, step="mid",
                 label="95 % of white",
             )  # fmt: skip
-            ax.loglog(frequency, power, label="residual", **line_style(1) | {"linestyle": "-"})
-            ax.set(ylabel="power / white", title=plain(name))
-            ax.set_ylim(min(0.1, 0.8 * float(power.min())), max(10.0, 1.2 * float(power.max())))
-        legend_above(figure, axes[0], 2)
+            panel.loglog(frequency, power, label="residual", **line_style(1) | {"linestyle": "-"})
+            panel.set(ylabel="power / white", title=plain(name))
+            panel.set_ylim(min(0.1, 0.8 * float(power.min())), max(10.0, 1.2 * float(power.max())))
+        legend_above(figure, axes[0], 2, ax)
     return figure

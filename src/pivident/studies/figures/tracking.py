@@ -26,6 +26,8 @@ from pivident.studies.figures.paper_style import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from pivident.studies.figures.paper_style import Panels
+
 
 def figure_of_tracking(
     result: Identification,
@@ -33,6 +35,7 @@ def figure_of_tracking(
     *,
     recording: str | int = 0,
     columns: int = 2,
+    ax: Panels = None,
 ) -> Figure:
     """Reference and measured position on the left, their difference on the right.
 
@@ -41,6 +44,7 @@ def figure_of_tracking(
         joints: names or numbers from 1; None: all.
         recording: its name or index.
         columns: width, 1 or 2 columns of a page.
+        ax: axes to draw into, one for each panel in order of reading; None: a new figure.
 
     Returns:
         The figure; `save_figure` writes it.
@@ -54,8 +58,10 @@ def figure_of_tracking(
             f"the recording {record.name!r} has no reference",
             advice="log q_ref, or have it reconstructed",
         )
-    with paper_style():
-        figure, axes = new_figure(len(chosen), 2, columns=columns, row_height=1.35, share_x=True)
+    with paper_style(ax):
+        figure, axes = new_figure(
+            len(chosen), 2, columns=columns, ax=ax, row_height=1.35, share_x=True
+        )
         for left, right, j in zip(axes[::2], axes[1::2], chosen, strict=True):
             unit = result.robot.joints[j].position_unit
             q, q_ref = record.q_measured[:, j], record.q_ref[:, j]
@@ -66,14 +72,19 @@ def figure_of_tracking(
             rms = format_significant(float(np.sqrt(np.mean(apart**2))))
             left.set(ylabel=f"position [{unit}]", title=plain(result.robot.joint_names[j]))
             right.set(ylabel=f"error [{unit}]", title=f"reference less position, rms {rms} {unit}")
-        for ax in axes[-2:]:
-            ax.set(xlabel="time [s]", xlim=(0.0, float(t[-1])))
-        legend_above(figure, axes[0], 2)
+        for panel in axes[-2:]:
+            panel.set(xlabel="time [s]", xlim=(0.0, float(t[-1])))
+        legend_above(figure, axes[0], 2, ax)
     return figure
 
 
 def figure_of_reference(
-    recording: Recording, joint: str | int, *, unit: str = "rad", columns: int = 1
+    recording: Recording,
+    joint: str | int,
+    *,
+    unit: str = "rad",
+    columns: int = 1,
+    ax: Panels = None,
 ) -> Figure:
     """Position, speed and acceleration of a joint's reference, one above the other.
 
@@ -84,6 +95,7 @@ def figure_of_reference(
         joint: name, or number from 1.
         unit: of the position, rad or m.
         columns: width, 1 or 2 columns of a page.
+        ax: axes to draw into, one for each panel in order of reading; None: a new figure.
 
     Returns:
         The figure; `save_figure` writes it.
@@ -98,17 +110,17 @@ def figure_of_reference(
     dq = _given(recording.dq_ref, j, q, recording.rate)
     ddq = _given(recording.ddq_ref, j, dq, recording.rate)
     t = np.arange(len(q)) / recording.rate
-    with paper_style():
-        figure, axes = new_figure(3, columns=columns, row_height=1.2, share_x=True)
-        for ax, x, name, own in zip(
+    with paper_style(ax):
+        figure, axes = new_figure(3, columns=columns, ax=ax, row_height=1.2, share_x=True)
+        for panel, x, name, own in zip(
             axes,
             (q, dq, ddq),
             ("position", "speed", "acceleration"),
             ("", "/s", "/s²"),
             strict=True,
         ):
-            draw_trace(ax, t, x, **line_style(0))
-            ax.set_ylabel(f"{name} [{unit}{own}]")
+            draw_trace(panel, t, x, **line_style(0))
+            panel.set_ylabel(f"{name} [{unit}{own}]")
         axes[0].set_title(plain(recording.joint_names[j]))
         axes[-1].set(xlabel="time [s]", xlim=(0.0, float(t[-1])))
     return figure

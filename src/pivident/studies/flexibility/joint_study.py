@@ -21,6 +21,7 @@ from typing import Literal
 
 import numpy as np
 
+from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.text.finding import Severity
@@ -248,6 +249,7 @@ def study_flexibility(
         IdentificationError: no recording has a link encoder or a reference.
         RecordingError: one has no measured torque.
     """
+    recordings = [in_order_of(robot, recording) for recording in recordings]
     for recording in recordings:
         recording.require_torque("stiffness is identified")
     if all(r.q_link is None and r.q_ref is None for r in recordings):

@@ -18,10 +18,11 @@ import numpy as np
 
 from pivident.data.recording.recording import Recording
 from pivident.foundation.errors import IdentificationError
+from pivident.foundation.text.display import Displayed
 
 
 @dataclass(frozen=True)
-class TwoMassJoint:
+class TwoMassJoint(Displayed):
     """Parameters of a flexible joint, all on the joint side.
 
     Attributes:

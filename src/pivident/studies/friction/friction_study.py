@@ -10,6 +10,7 @@ import numpy as np
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import IdentificationError
+from pivident.foundation.text.display import Displayed
 from pivident.studies.friction.effects import FrictionFinding, findings
 from pivident.studies.friction.friction_map import (
     FrictionMap,
@@ -57,7 +58,7 @@ class JointFriction:
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionStudy:
+class FrictionStudy(Displayed):
     """The friction of a record.
 
     Attributes:

@@ -296,7 +296,7 @@ class Ripple:
     """Ripple of all joints."""
 
     joints: tuple[JointRipple, ...]
-    level: float  # largest false-alarm probability of a line, per joint
+    alpha: float  # largest false-alarm probability of a line, per joint
 
     @property
     def lines(self) -> tuple[RippleLine, ...]:

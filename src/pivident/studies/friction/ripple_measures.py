@@ -296,7 +296,7 @@ def best_lag(
     angles: Sequence[Angle],
     grids: Sequence[np.ndarray],
     cycles: float,
-    level: float,
+    alpha: float,
 ) -> float:
     """Delay of the torque relative to the positions, estimated from the strongest line [s].
 
@@ -317,7 +317,7 @@ def best_lag(
         return 0.0
     none = next((significance for significance, samples, *_ in found if samples == 0), 0.0)
     significance, samples, which, k, chance = max(found)
-    if chance > level or significance < none + DISTINGUISHABLE:
+    if chance > alpha or significance < none + DISTINGUISHABLE:
         return 0.0
     near = grids[which][np.abs(grids[which] - grids[which][k]) < NEAR * grids[which][k]]
     finer = []

@@ -74,7 +74,7 @@ def find_ripple(
     named: Sequence[NamedOrder] = (),
     highest: float | None = None,
     cycles: float = 4.0,
-    level: float = 0.05,
+    alpha: float = 0.05,
     most: int = 6,
     lag: float | None = None,
 ) -> Ripple:
@@ -89,7 +89,7 @@ def find_ripple(
             or the limit of the sampling rate if no gear is known.
         cycles: smallest number of cycles over the visited positions. Fewer cycles cannot be
             distinguished from model errors, which vary with the posture.
-        level: false-alarm probability per joint, over all orders tried.
+        alpha: false-alarm probability per joint, over all orders tried.
         most: maximum number of lines per joint.
         lag: delay of the torque relative to the positions [s]; None: estimated from the strongest
             line of each joint, up to three sampling periods.
@@ -114,8 +114,8 @@ def find_ripple(
     joints = []
     for j, name in enumerate(names):
         own = [wanted for wanted in named if wanted.joint in (None, name)]
-        joints.append(search_joint(robot, j, series, own, highest, cycles, level, most, lag))
-    return Ripple(tuple(joints), level)
+        joints.append(search_joint(robot, j, series, own, highest, cycles, alpha, most, lag))
+    return Ripple(tuple(joints), alpha)
 
 
 def search_joint(
@@ -125,7 +125,7 @@ def search_joint(
     named: Sequence[NamedOrder],
     highest: float | None,
     cycles: float,
-    level: float,
+    alpha: float,
     most: int,
     lag: float | None = None,
 ) -> JointRipple:
@@ -136,9 +136,9 @@ def search_joint(
     grids = [visited_grid(series, joint, a, top) for a, top in zip(angles, tops, strict=True)]
     tried = len(LAGS) if lag is None else 1
     if lag is None:
-        lag = best_lag(series, joint, angles, grids, cycles, level)
+        lag = best_lag(series, joint, angles, grids, cycles, alpha)
     series = [delayed(one, lag) for one in series]
-    found = _taken_out(series, joint, angles, grids, (cycles, level, most, tried))
+    found = _taken_out(series, joint, angles, grids, (cycles, alpha, most, tried))
     fit, owners, first, spectra = found.fit, found.owners, found.first, found.left
     lines = [
         measured_line(
@@ -189,7 +189,7 @@ def _taken_out(
     limits: tuple[float, float, int, int],
 ) -> _Found:
     """Subtract the likeliest line, one after the other, until the next one could be noise."""
-    cycles, level, most, lags = limits
+    cycles, alpha, most, lags = limits
     waves: list[Wave] = []
     owners: list[int] = []
     chances: list[float] = []
@@ -203,7 +203,7 @@ def _taken_out(
         spectra = joint_spectra(series, joint, angles, grids, fit, cycles, lags)
         first = first or spectra
         best = most_significant([_apart(s, a, waves) for s, a in zip(spectra, angles, strict=True)])
-        if best is None or best[2] > level or sum(owner >= 0 for owner in owners) >= most:
+        if best is None or best[2] > alpha or sum(owner >= 0 for owner in owners) >= most:
             break
         which, k, chance = best
         spectrum, angle = spectra[which], angles[which].coefficients

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.problem import LOW_SPEED
 from pivident.estimation.signal_recipes import RandomWalk
-from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.foundation.errors import IdentificationError
 from pivident.signals.noise_models import ArModel, fit_ar, unmasked_stretches
 from pivident.studies.friction.order_spectrum import WhiteRows
 
@@ -73,12 +74,7 @@ def residual_series(
 
 def _predicted(identification: Identification, recording: Recording) -> ResidualSeries:
     robot = identification.robot
-    names = tuple(joint.name for joint in robot.joints)
-    if recording.joints != robot.size:
-        raise ExperimentError(
-            f"recording {recording.name!r} has {recording.joints} joints, but the estimate has "
-            f"joints {', '.join(names)}"
-        )
+    recording = in_order_of(robot, recording)
     k = estimate_kinematics(recording, RandomWalk())
     part = slice(k.start, k.stop)
     q, dq, ddq, tau = (x[:, part].T for x in (k.q, k.dq, k.ddq, k.tau))

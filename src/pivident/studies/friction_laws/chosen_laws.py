@@ -19,6 +19,7 @@ import numpy as np
 
 from pivident.estimation.problem import Problem
 from pivident.foundation.distributions import student
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import format_significant
 from pivident.foundation.text.plain_table import plain_table
 from pivident.judgement.validation.held_out.segment_sums import effective_rows
@@ -268,7 +269,7 @@ class JointLawChoice:
 
 
 @dataclass(frozen=True, eq=False)
-class LawChoice:
+class LawChoice(Displayed):
     """Friction laws chosen for the joints of a robot.
 
     Attributes:

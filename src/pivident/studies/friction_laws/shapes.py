@@ -22,7 +22,8 @@ from pivident.estimation.method import Method
 from pivident.estimation.methods import method_named
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
-from pivident.foundation.errors import IdentificationError
+from pivident.foundation.errors import IdentificationError, UnknownName
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.numbers import format_significant
 from pivident.studies.friction_laws.filtered_rows import LastPass, ShapedRows
@@ -88,7 +89,7 @@ class IdentifiedShape:
 
 
 @dataclass(frozen=True, eq=False)
-class ShapedIdentification:
+class ShapedIdentification(Displayed):
     """Parameters and constants of shape, estimated together.
 
     Attributes:
@@ -131,7 +132,10 @@ class ShapedIdentification:
             if s.constant.name == name and joint in (None, s.constant.joint_name)
         ]
         if len(found) != 1:
-            raise KeyError(f"{name!r}: there are {', '.join(s.label for s in self.shapes)}")
+            raise UnknownName(
+                f"{len(found)} constants are called {name!r}",
+                advice=f"there are {', '.join(s.label for s in self.shapes)}",
+            )
         return found[0]
 
     def table(self) -> str:

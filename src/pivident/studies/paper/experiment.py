@@ -27,6 +27,7 @@ from pivident.estimation.methods import METHODS
 from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.experiment import load_experiment
 from pivident.foundation.errors import DatasetUnavailable, PividentError
+from pivident.foundation.text.display import Displayed
 from pivident.judgement.validation.residuals.autocorrelation import correlated_shares
 from pivident.linear.free_law import FreeLaw
 from pivident.studies.many.study.bench import Bench
@@ -57,7 +58,7 @@ DATASET = "staubli_tx40"
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class Reading(Displayed):
     """One experiment: its bench, and what every form of the estimate made of its first record.
 
     Attributes:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.toml import parse_toml
 
 #: Columns of the table by the key of its file.
@@ -25,7 +26,7 @@ COLUMNS = {
 
 
 @dataclass(frozen=True)
-class PublishedParameter:
+class PublishedParameter(Displayed):
     """One row of the table; both dictionaries are by the keys of ``COLUMNS``.
 
     Attributes:

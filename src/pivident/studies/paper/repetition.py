@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pivident.foundation.distributions import student
+from pivident.foundation.text.display import Displayed
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.many.study.run import Store
 from pivident.studies.many.study.summary import (
@@ -30,7 +31,7 @@ WAYS = {"known": "", "didim": "", "identified": IDENTIFIED}
 
 
 @dataclass(frozen=True, eq=False)
-class Runs:
+class Runs(Displayed):
     """All runs of one form: arrays over the runs that gave an estimate.
 
     Attributes:
@@ -113,7 +114,7 @@ class Runs:
 
 
 @dataclass(frozen=True, eq=False)
-class Repetition:
+class Repetition(Displayed):
     """All forms of all readings.
 
     Attributes:

@@ -37,6 +37,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.foundation.text.display import Displayed
 from pivident.robot.frames import Pose
 from pivident.robot.inertia import elements, steiner
 from pivident.studies.payload.load_estimate import NATURAL, seen_from
@@ -58,7 +59,7 @@ SECOND_ORDER = np.sqrt([8.0, 1.0, 1.0, 8.0, 1.0, 8.0])
 
 
 @dataclass(frozen=True, eq=False)
-class KnownParts:
+class KnownParts(Displayed):
     """Known numbers of a load in one frame; None: to be estimated.
 
     Attributes:

@@ -21,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
+from pivident.foundation.text.display import Displayed
 from pivident.models.consistency.pseudo_inertia import pseudo_inertia
 from pivident.robot.description import INERTIAL
 from pivident.robot.frames import Pose
@@ -37,7 +38,7 @@ TWO_SIDED_95 = 1.959964
 
 
 @dataclass(frozen=True, eq=False)
-class LoadEstimate:
+class LoadEstimate(Displayed):
     """Ten inertial parameters of a load in one frame.
 
     Attributes:

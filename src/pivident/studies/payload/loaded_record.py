@@ -127,7 +127,7 @@ def check_recordings(empty: Problem, loaded: Problem | Sequence[Recording]) -> N
             "no recording with the load is given", advice="at least one is needed"
         )
     for run in runs:
-        if any(run is other for other in empty.recordings):
+        if any(run.q is other.q for other in empty.recordings):
             raise ExperimentError(
                 f"recording {run.name!r} is given both without and with the load",
                 advice="give two runs",

@@ -23,6 +23,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.stored_identification import json_of_file, load_identification
 from pivident.experiment.recording_tables import Part, between_gaps, reading_of
 from pivident.foundation.errors import ExperimentError, RecordingError, UnknownColumn
+from pivident.foundation.text.display import Displayed
 from pivident.judgement.diagnostics.stored_verdict import RESULT, held_out_errors, result_of
 from pivident.judgement.validation.held_out.held_out_errors import HeldOutErrors
 from pivident.models.model_json import MODEL, read_model
@@ -57,7 +58,7 @@ class NewLog:
 
 
 @dataclass(frozen=True, eq=False)
-class StoredResult:
+class StoredResult(Displayed):
     """A result with what it knows about its own logs.
 
     Attributes:

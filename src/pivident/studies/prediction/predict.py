@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.data.logs.read_log import numbered_joints
+from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification
@@ -96,7 +96,7 @@ def predict(
             advice="give an Identification, or what make_consistent or stored_model returns",
         )
     robot = result.robot
-    recording = _of_robot(robot.joint_names, recording)
+    recording = in_order_of(robot, recording)
     if band is not None and not 0.0 < band < 0.5 * recording.rate:
         raise ExperimentError(
             f"a band of {band:g} Hz is not below {0.5 * recording.rate:g} Hz, half the rate of "
@@ -143,20 +143,6 @@ def predict(
         exits=exits,
         held_out=earlier,
         findings=tuple(findings),
-    )
-
-
-def _of_robot(names: tuple[str, ...], recording: Recording) -> Recording:
-    """The robot's recording, another one is refused; joints without names are in its order."""
-    if recording.joint_names == names:
-        return recording
-    if recording.joint_names == tuple(numbered_joints(len(names))):
-        return replace(recording, joint_names=names)
-    raise ExperimentError(
-        f"recording {recording.name!r} has the joints {', '.join(recording.joint_names)}, the "
-        f"result those of another robot: {', '.join(names)}",
-        advice="give a log of the robot that was identified, with one column for each of its "
-        "joints",
     )
 
 

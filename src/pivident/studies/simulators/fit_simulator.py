@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.dynamics.parameters import standard_parameters
 from pivident.estimation.auxiliary_model import loop_signals
@@ -107,6 +108,7 @@ def fit_simulator(
     without_wrenches(robot, "the fit of a simulator")
     without_loops(robot, "the fit of a simulator")
     runs = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    runs = [in_order_of(robot, recording) for recording in runs]
     check_quantities(free)
     say = progress or (lambda line: None)
     machine = simulator_robot(robot)

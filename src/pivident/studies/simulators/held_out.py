@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.estimation.auxiliary_model import loop_signals
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import format_significant
 from pivident.loop.simulation.control_loop import Loop, with_measured_gravity
 from pivident.robot.description import Robot
@@ -24,7 +26,7 @@ WORSE = 1.1
 
 
 @dataclass(frozen=True, eq=False)
-class HeldOut:
+class HeldOut(Displayed):
     """Positions that MuJoCo gives beside those that were measured.
 
     Attributes:
@@ -131,7 +133,7 @@ def held_out_errors(
         RobotDescriptionError: MuJoCo refuses a file.
         ExperimentError: a law that is no sampled law of single joints.
     """
-    recording, step = in_whole_periods(recording)
+    recording, step = in_whole_periods(in_order_of(fit.robot, recording))
     names = fit.robot.joint_names
     speed = np.gradient(recording.q, axis=0) * recording.rate
     signals, _ = loop_signals(fit.robot, loop, recording, recording.q, speed)

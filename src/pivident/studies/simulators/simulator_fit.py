@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import format_significant, plus_minus
 from pivident.foundation.version import __version__
 from pivident.robot.description import Robot
@@ -17,7 +18,7 @@ LEVEL = 0.95
 
 
 @dataclass(frozen=True)
-class FittedValue:
+class FittedValue(Displayed):
     """One fitted quantity.
 
     Attributes:
@@ -49,7 +50,7 @@ class FittedValue:
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatorFit:
+class SimulatorFit(Displayed):
     """A simulator fitted to a record of positions.
 
     Attributes:

@@ -185,6 +185,18 @@ def test_a_failing_run_is_a_row(tmp_path):
     assert rows["theta"].null_count() == 4
 
 
+@pytest.mark.parametrize("cluster", [False, True], ids=["processes", "dask"])
+def test_failing_runs_come_back_from_other_processes(cluster, tmp_path):
+    """Their errors hold arrays and problems, which have to reach this process or be left behind."""
+    if cluster:
+        pytest.importorskip("distributed")
+    pool = DaskCluster(workers=1) if cluster else Processes(1)
+    soft = small(controller={"drive_gain": [-1, 1]})
+    rows = run_study(soft, tmp_path, 2, pool=pool).rows()
+    assert rows["error"].to_list() == ["SimulationDiverged"] * 4
+    assert all("'shoulder'" in message for message in rows["message"])
+
+
 def test_a_method_that_fails_leaves_the_others_their_rows(tmp_path):
     early = small(identify={"methods": ["ls", "iv"], "iv": {"bandpass": {"cutoff": 400.0}}})
     with ThreadPoolExecutor(1) as executor:

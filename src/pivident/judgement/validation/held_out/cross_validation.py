@@ -24,6 +24,7 @@ from pivident.estimation.problem import Problem
 from pivident.foundation.document.table import Column, Table
 from pivident.foundation.errors import IdentificationError, SimulationDiverged
 from pivident.foundation.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.sentences import listed
 from pivident.judgement.validation.held_out.fold_estimates import (
     estimates_without,
@@ -77,7 +78,7 @@ class HeldOut:
 
 
 @dataclass(frozen=True, eq=False)
-class CrossValidation:
+class CrossValidation(Displayed):
     """Errors of one method on motion that was not fitted.
 
     Attributes:

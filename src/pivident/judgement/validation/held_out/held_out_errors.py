@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import LATER, Known
 from pivident.judgement.validation.held_out.prediction import PredictionError, pooled
 
@@ -73,7 +74,7 @@ def moving_errors(parts: list[PredictionError]) -> dict[str, LogError]:
 
 
 @dataclass(frozen=True)
-class HeldOutErrors:
+class HeldOutErrors(Displayed):
     """Torque errors below ``band`` on motion that was not fitted."""
 
     passes_over_others: ClassVar[bool] = True

@@ -18,6 +18,7 @@ from pivident.data.recording.recording import Recording
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.problem import LOW_SPEED, rated_speeds
 from pivident.estimation.signal_recipes import RandomWalk
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.numbers import percent
 from pivident.loop.motion.motion import MOTION_BAND, SpeedLimits, measured_samples
 from pivident.robot.description import Robot
@@ -60,7 +61,7 @@ class Predictor(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class PredictionError:
+class PredictionError(Displayed):
     """Torque errors of all joints over some samples; arrays (joints,)."""
 
     joint_names: tuple[str, ...]  # names of the joints

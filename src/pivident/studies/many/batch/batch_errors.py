@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pivident.foundation.errors import PividentError
 
 
-class BatchError(PividentError):
+class BatchError(PividentError, RuntimeError):
     """Tasks that cannot be carried out."""
 
 

@@ -25,6 +25,7 @@ from pivident.estimation.problem import Problem
 from pivident.experiment.missing_torque import TEMPERATURE, without_temperature
 from pivident.foundation.errors import ExperimentError, PividentError
 from pivident.foundation.extras import require
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.threads import thread_count
 from pivident.judgement.diagnostics.failed_simulation import identify
 from pivident.studies.many.batch.batch_errors import OtherContents, ResultsFolderError
@@ -151,7 +152,7 @@ def _parameters(found: Identification, temperatures: np.ndarray | None) -> list[
 Say = Callable[[str], None]
 
 
-class FleetError(PividentError):
+class FleetError(PividentError, ValueError):
     """A fleet that cannot be identified or judged."""
 
 
@@ -243,7 +244,7 @@ class FleetStore(ResultsFolder):
 
 
 @dataclass(frozen=True, eq=False)
-class Fleet:
+class Fleet(Displayed):
     """The estimates of a fleet.
 
     Attributes:

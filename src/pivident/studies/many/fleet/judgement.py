@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pivident.foundation.extras import require
+from pivident.foundation.text.display import Displayed
 from pivident.studies.many.fleet.baseline import Baseline, fit_baseline
 from pivident.studies.many.fleet.control_chart import (
     Alarm,
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
+class Judgement(Displayed):
     """A fleet with everything that was found out about it.
 
     Attributes:

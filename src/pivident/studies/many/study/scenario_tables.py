@@ -24,6 +24,7 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.foundation.codec import decode
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.files import regular_file
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import plain
 from pivident.loop.simulation import excitation
 from pivident.loop.simulation.excitation import FourierSeries, motion_limits, random_series
@@ -49,7 +50,7 @@ _found: dict[str, FourierSeries] = {}
 
 
 @dataclass(frozen=True, eq=False)
-class ScenarioTables:
+class ScenarioTables(Displayed):
     """The tables of a scenario, or of one condition of it, with the objects that they describe."""
 
     name: str  # name of the scenario
