@@ -15,7 +15,7 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows
-from pivident.estimation.equation_record import FittedRecording, JointColumns
+from pivident.estimation.equation_record import FittedRecording, JointColumns, weighted
 from pivident.estimation.normal_equations import JointSums
 from pivident.foundation.scratch import working_array
 from pivident.foundation.threads import run_in_threads
@@ -48,6 +48,7 @@ class FullRateRecord:
     motion: SimulatedMotion | None
     used: np.ndarray  # True for samples of a joint that the estimate uses, shape (joints, samples)
     seen: np.ndarray  # True for samples that filters which begin anew may remember, likewise
+    row_weights: np.ndarray | None = None  # weights of the samples, likewise; None: all one
 
     full_rate: ClassVar[bool] = True
     z: ClassVar[None] = None
@@ -88,7 +89,8 @@ class FullRateRecord:
         shares = [list(windows.shares(span)) if windows is not None else [] for span in spans]
 
         def add(j: int, span: slice, stack: np.ndarray) -> None:
-            sums[j].add_stack(stack, self.used[j, span], shares[span.start // BLOCK])
+            weights = None if self.row_weights is None else self.row_weights[j, span]
+            sums[j].add_stack(stack, self.used[j, span], shares[span.start // BLOCK], weights)
 
         _walk(regressor, self, filters, add)
 
@@ -102,7 +104,7 @@ class FullRateRecord:
         """L_j ε_j λ_j^(-1/2), shape (joints, samples)."""
         white = filtered(residual, filters, self.seen)
         white /= np.sqrt(variance)[:, None]
-        return white
+        return white if self.row_weights is None else white * np.sqrt(self.row_weights)
 
     def fitted(
         self, regressor: Regressor, theta: np.ndarray, residual: np.ndarray, whitened: np.ndarray
@@ -167,7 +169,8 @@ class FullRateRecord:
                 parts = np.split(stack, range(width, len(stack), width))
                 z = parts[1] if self.has_instruments else None
                 further = parts[-2] if extra is not None else None
-                rows[j] = make(j, (parts[0], z, further, parts[-1][0]), self.used[j, span])
+                columns = parts[0], z, further, parts[-1][0]
+                rows[j] = make(j, columns, weighted(self, j, span))
 
             run_in_threads(work, joints)
             yield span, tuple(r for r in rows if r is not None)
@@ -205,7 +208,7 @@ def records_with_instruments(
             used &= valid_samples(kin, kin.dq, lim)
         if motion.valid is not None:
             used[:, ~motion.valid] = False
-        records.append(FullRateRecord(kin, motion, used, used.copy()))
+        records.append(FullRateRecord(kin, motion, used, used.copy(), lim.weights))
     return records
 
 
@@ -215,8 +218,8 @@ def records_without_instruments(
     """All recordings for least squares; measured speeds decide which samples are used."""
     valid = [valid_samples(k, k.dq, limit) for k, limit in zip(kinematics, limits, strict=True)]
     return [
-        FullRateRecord(kin, None, used, used.copy())
-        for kin, used in zip(kinematics, valid, strict=True)
+        FullRateRecord(kin, None, used, used.copy(), limit.weights)
+        for kin, used, limit in zip(kinematics, valid, limits, strict=True)
     ]
 
 

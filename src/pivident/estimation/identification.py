@@ -6,6 +6,7 @@ Sums of the fitted record of an identification, and its estimate among all base 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import inf, nan
 from typing import Annotated, Any
 
@@ -17,7 +18,9 @@ from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.covariance import rounded_away
 from pivident.estimation.equation_record import FittedRecording, MotionRange
+from pivident.estimation.known_parameters import KnownParameters
 from pivident.estimation.method import Method
+from pivident.estimation.restrictions import Restrictions
 from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import EquationNoise, Equations, TorqueSums
@@ -112,6 +115,7 @@ class Identification(Displayed):
             in files of versions that did not write it.
         simulation: how near a fitted simulation comes, with the unknowns of its loop; None: nothing
             was fitted by simulation.
+        known: what was known of the parameters beforehand: fixed values, bounds, priors, equations.
         loop_values: ``controller`` and ``reference`` as the file of a loaded identification
             holds them; None for an identification that was made here.
     """
@@ -144,6 +148,7 @@ class Identification(Displayed):
     torque_sums: TorqueSums | None = field(default=None, repr=False)
     equation_noise: EquationNoise | None = field(default=None, repr=False)
     simulation: SimulationResult | None = field(default=None, repr=False)
+    known: KnownParameters = field(default_factory=KnownParameters)
     loop_values: dict[str, Any] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -211,6 +216,11 @@ class Identification(Displayed):
         return np.where(np.isfinite(robust), robust, self.method_std)
 
     @property
+    def free_std(self) -> np.ndarray:
+        """Standard errors, infinite where a value is fixed: what changes are compared with."""
+        return np.where(self.restrictions.is_fixed, inf, self.std)
+
+    @property
     def method_std(self) -> np.ndarray:
         """Standard errors by the method's covariance, shape (parameters,).
 
@@ -266,8 +276,13 @@ class Identification(Displayed):
     def bound_sides(self) -> tuple[str, ...]:
         """Bound that holds each estimate, ``low`` or ``high``; empty where none does."""
         if self.simulation is None:
-            return ("",) * len(self.names)
+            return self.restrictions.sides(self.theta)
         return tuple(self.simulation.side(name) for name in self.names)
+
+    @cached_property
+    def restrictions(self) -> Restrictions:
+        """What was known beforehand, as restrictions of the parameters."""
+        return self.known.restrictions(self.names)
 
     def value(self, name: str) -> float:
         """Estimate of one parameter, by its name with or without the trailing ``r``.
@@ -324,7 +339,7 @@ def torque_sums(identification: Identification) -> TorqueSums:
     base = base_parameters(identification.robot)
     everything = regressor_of(identification.robot, base.parameters)
     theta = estimated_in_base(identification, base)
-    weights = 1.0 / np.array([max(j.rms_error, 1e-150) ** 2 for j in identification.joints])
+    weights = joint_weights(identification)
     size = len(base)
     gram, moment, square, rows = np.zeros((size, size)), np.zeros(size), 0.0, 0
     for recording in identification.recordings:
@@ -343,6 +358,13 @@ def torque_sums(identification: Identification) -> TorqueSums:
                 square += float(weights[j] * (tau @ tau))
                 rows += int(np.count_nonzero(used[j]))
     return TorqueSums(gram, moment, square, rows)
+
+
+def joint_weights(identification: Identification) -> np.ndarray:
+    """1 / squared rms torque error of each joint, zero for one without equation, (joints,)."""
+    return np.array(
+        [1.0 / max(j.rms_error, 1e-150) ** 2 if j.rows else 0.0 for j in identification.joints]
+    )
 
 
 def estimated_in_base(identification: Identification, base: BaseParameters) -> np.ndarray:

@@ -20,6 +20,7 @@ from pivident.estimation.signal_recipes import RECIPES, Bandpass, SignalRecipe
 from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.foundation.options import Options, declarations, option
 from pivident.foundation.text.finding import Finding
+from pivident.foundation.text.sentences import listed
 from pivident.loop.instruments.kinds import KINDS
 from pivident.loop.motion.motion import MOTION_BAND
 from pivident.robot.refusals import without_loops, without_wrenches
@@ -47,6 +48,10 @@ class Cost(NamedTuple):
     each: float
 
 
+#: What may be known of parameters beforehand: fields of a problem.
+KNOWN = ("fixed", "bounds", "priors", "constraints")
+
+
 @dataclass(frozen=True)
 class Handles:
     """What a method copes with.
@@ -61,6 +66,8 @@ class Handles:
         law_choice: comparisons of friction laws on its equations.
         shape_constants: a search for the constants of friction laws on its equations.
         payload: the load between a record without and one with it.
+        known: what may be known of the parameters beforehand, of the problem's ``fixed``,
+            ``bounds``, ``priors`` and ``constraints``.
     """
 
     wrenches: bool = True
@@ -72,6 +79,7 @@ class Handles:
     law_choice: bool = False
     shape_constants: bool = False
     payload: bool = False
+    known: tuple[str, ...] = KNOWN
 
 
 @dataclass(frozen=True)
@@ -249,6 +257,14 @@ class Method(Options):
                 f"{self.label} does not handle",
                 advice="use piv or cloe, or another friction law",
             )
+        if others := [n for n in KNOWN if getattr(problem, n) and n not in self.handles.known]:
+            able = (
+                f"it takes {listed(self.handles.known)}" if self.handles.known else "leave it out"
+            )
+            raise ExperimentError(
+                f"the problem has {listed(others)} of parameters, which {self.label} does not take",
+                advice=f"use ls, iv-full-rate or piv, or {able}",
+            ).about(others[0])
         computed = [r.name for r in problem.recordings if r.torque_source == "law"]
         if computed and not self.handles.computed_torque:
             raise IdentificationError(

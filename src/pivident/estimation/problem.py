@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from pivident.dynamics.base_parameters import (
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
+from pivident.dynamics.separation import KIND
+from pivident.estimation.known_parameters import Equalities, KnownParameters, Priors
+from pivident.estimation.restrictions import Restrictions
 from pivident.foundation.errors import ExperimentError, IdentificationError, concerning
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
@@ -42,6 +45,8 @@ from pivident.robot.description import Robot
 
 #: Share of the rated speed below which rows are excluded.
 LOW_SPEED = 0.01
+#: Fields of a problem that nothing is known beforehand of.
+NOTHING_KNOWN: dict[str, Any] = {"fixed": {}, "bounds": {}, "priors": (), "constraints": ()}
 #: Topic of the findings.
 TOPIC = "without torque"
 #: What every result of such a log says.
@@ -153,6 +158,14 @@ class Problem(Displayed):
             1 %, for at standstill dry friction follows no law. None or 0: all rows are used.
         initial: starting values by parameter name; base parameters not named start at their
             nominal value, frictions at zero.
+        fixed: values by parameter name that are not estimated but known; ``description``: those
+            that the robot's description knows of the parameters that are not among
+            ``parameters``, which otherwise are zero.
+        bounds: least and largest value by parameter name, None for none, as in ``(0, None)``.
+        priors: expected value and standard deviation by parameter name, or `Prior`s with a
+            covariance; they count as further measurements.
+        constraints: linear equations, each as coefficients by parameter name and their value:
+            ``({"zz1r": 1.0, "ia1": -2.0}, 0.0)``.
         without_loop: why there is no loop, a sentence, where one was looked for.
         findings: what was decided about the model beforehand; every result repeats it.
     """
@@ -163,6 +176,12 @@ class Problem(Displayed):
     parameters: tuple[str, ...] | None = None
     mask: Literal["auto"] | float | None = "auto"
     initial: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float] | Literal["description"] = field(default_factory=dict, kw_only=True)
+    bounds: Mapping[str, tuple[float | None, float | None]] = field(
+        default_factory=dict, kw_only=True
+    )
+    priors: Priors = field(default=(), kw_only=True)
+    constraints: Equalities = field(default=(), kw_only=True)
     without_loop: str = ""
     findings: tuple[Finding, ...] = ()
 
@@ -191,8 +210,7 @@ class Problem(Displayed):
             raise ExperimentError(f"mask is a share of the rated speed, 0 to 1, not {self.mask}")
         base = base_parameters(self.robot)
         object.__setattr__(self, "base", base)
-        with concerning("parameters"):
-            object.__setattr__(self, "selection", _selection(base, self.parameters))
+        self._settle_known(base)
         object.__setattr__(
             self,
             "regressor",
@@ -227,7 +245,58 @@ class Problem(Displayed):
         object.__setattr__(self, "recordings", made)
         object.__setattr__(self, "findings", findings)
 
+    def _settle_known(self, base: BaseParameters) -> None:
+        """The parameters by their names in the robot's order, and what is known of them."""
+        with concerning("parameters"):
+            chosen = _selection(base, self.parameters)
+        fixed = self.fixed
+        if isinstance(fixed, str):
+            with concerning("fixed"):
+                fixed = _described(base, self.robot, chosen, fixed)
+        known = KnownParameters.of(base, fixed, self.bounds, self.priors, self.constraints)
+        own = {base.names[k] for k in chosen} | known.fixed.keys()
+        if strangers := sorted(known.names - own):
+            raise ExperimentError(
+                f"{listed(strangers)} should be restricted, but {strangers[0]} is not among the "
+                "parameters to estimate",
+                advice="name it under parameters, or leave out what is said of it",
+            ).about("parameters")
+        object.__setattr__(
+            self, "selection", tuple(k for k, n in enumerate(base.names) if n in own)
+        )
+        object.__setattr__(self, "known", known)
+        for name in ("fixed", "bounds", "priors", "constraints"):
+            object.__setattr__(self, name, getattr(known, name))
+        object.__setattr__(self, "restrictions", known.restrictions(self.names))
+
+    def estimating(self, names: Sequence[str], findings: Sequence[Finding] = ()) -> Problem:
+        """The problem of fewer parameters, with what is known of those that are left.
+
+        Args:
+            names: of the parameters to estimate; those that are fixed stay.
+            findings: what is to be said of it.
+
+        Raises:
+            ExperimentError: a parameter that is left out stands in a constraint or has a prior.
+        """
+        kept = {self.base.names[parameter_index(self.base, name)] for name in names}
+        gone = set(self.names) - kept - self.known.fixed.keys()
+        known = self.known.without(gone)
+        if (
+            len(known.priors) < len(self.known.priors)
+            or known.constraints != self.known.constraints
+        ):
+            raise ExperimentError(
+                f"{listed(sorted(gone))} should be left out, but a prior or a constraint is about "
+                "them",
+                advice="leave that out, or take a motion that separates them",
+            )
+        findings = (*self.findings, *findings)
+        return replace(self, parameters=tuple(names), bounds=known.bounds, findings=findings)
+
     base: BaseParameters = field(init=False, repr=False)
+    known: KnownParameters = field(init=False, repr=False)
+    restrictions: Restrictions = field(init=False, repr=False)
     selection: tuple[int, ...] = field(init=False, repr=False)
     regressor: Regressor = field(init=False, repr=False)
 
@@ -249,6 +318,11 @@ class Problem(Displayed):
         """Their groups written out."""
         expressions = self.base.expressions
         return tuple(expressions[k] for k in self.selection)
+
+    @cached_property
+    def varying(self) -> np.ndarray:
+        """Which parameters are estimated rather than fixed, shape (parameters,)."""
+        return ~self.restrictions.is_fixed
 
     def speed_limits(self, recording: Recording) -> SpeedLimits:
         """Speeds below which samples of a recording are excluded."""
@@ -281,7 +355,10 @@ class Problem(Displayed):
         with concerning("initial"):
             for name, value in self.initial.items():
                 values[parameter_index(self.base, name)] = float(value)
-        return values[list(self.selection)]
+        values, known = values[list(self.selection)], self.restrictions
+        values = np.clip(values, known.low, known.high)
+        values[known.is_fixed] = known.freedom.offset[known.is_fixed]
+        return values
 
 
 def _robot_of_torques(robot: Robot, recordings: Sequence[Recording]) -> Robot:
@@ -296,6 +373,47 @@ def _robot_of_torques(robot: Robot, recordings: Sequence[Recording]) -> Robot:
         f"recording {motor!r} has torques of the motors, but {others} of sensors behind the gears",
         advice='set torque_side = "link" in every recording, or in none',
     )
+
+
+def taken_as_zero(problem: Problem) -> tuple[Finding, ...]:
+    """What the description knows of parameters that the problem leaves out, for their results.
+
+    Those that the motion does not separate are not among them: others hold their part.
+    """
+    held = {n for f in problem.findings if f.kind == KIND for n in f.subject.split(", ")}
+    values = problem.base.values(nominal_values(problem.robot, problem.base.standard))
+    gone = [
+        f"{name} ({value:.4g} {parameter.unit})"
+        for name, value, parameter in zip(
+            problem.base.names, values, problem.base.parameters, strict=True
+        )
+        if value and name not in problem.names and name not in held
+    ]
+    if not gone:
+        return ()
+    text = (
+        f"Parameters that are not estimated are taken as zero. The description knows of them: "
+        f"{listed(gone)}."
+    )
+    step = 'To take the description\'s values set fixed = "description".'
+    return (Finding("note", "parameters", "taken as zero", text, next_step=step),)
+
+
+def _described(
+    base: BaseParameters, robot: Robot, chosen: Sequence[int], word: str
+) -> dict[str, float]:
+    """What the description knows of the parameters that are not chosen, zeros left out."""
+    if word != "description":
+        raise ExperimentError(
+            f"fixed is {word!r}", advice='give values by parameter name, or "description"'
+        )
+    if len(chosen) == len(base):
+        raise ExperimentError(
+            "the description's values are those of parameters that are not estimated, but all are",
+            advice="name the parameters to estimate",
+        )
+    values = base.values(nominal_values(robot, base.standard))
+    return {n: float(values[k]) for k, n in enumerate(base.names) if k not in chosen and values[k]}
 
 
 def torque_units(problem: Problem) -> list[str]:

@@ -289,7 +289,7 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
         candidates = {
             k: s
             for k, s in scores.items()
-            if is_found(s, tests.tried) and _is_large(tests, corrected, k, s, found.std)
+            if is_found(s, tests.tried) and _is_large(tests, corrected, k, s, found.free_std)
         }
         if not candidates:
             break
@@ -342,7 +342,7 @@ def _named(
     found: Identification, best: Score, candidates: dict[int, Score], torques: np.ndarray
 ) -> NamedCause:
     """A cause with those that cannot be told from it."""
-    shifts = np.abs(best.shift) / found.std
+    shifts = np.abs(best.shift) / found.free_std
     k = int(np.argmax(shifts))
     alike = alternatives(best, candidates.values())
     changes = np.array([score.shift for score in (best, *alike)])

@@ -97,7 +97,7 @@ class FilterOptions(Method):
     )
 
     group: ClassVar[str] = "Filters"
-    handles: ClassVar[Handles] = Handles(wrenches=False, inner_friction=False)
+    handles: ClassVar[Handles] = Handles(wrenches=False, inner_friction=False, known=())
     refit: ClassVar[Refit] = "samples"
     correlated_start: ClassVar[bool] = False
 
