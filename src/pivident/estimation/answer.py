@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from math import inf, nan
 from typing import Any, NamedTuple
 
@@ -103,7 +102,7 @@ def answer(
         relative_error=relative_error,
         condition=estimate.solution.condition,
         recordings=fitted,
-        options=asdict(method) | {"mask": problem.mask},
+        options=method.settings | {"mask": problem.mask},
         method_used=method,
         warnings=_warnings(problem, estimate, run, np.sqrt(np.diag(covariance)), warnings),
         sources={s.name: s.sha256 for r in problem.recordings for s in r.sources},

@@ -5,6 +5,7 @@ Sums of the fitted record of an identification, and its estimate among all base 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf, nan
@@ -118,6 +119,7 @@ class Identification(Displayed):
         known: what was known of the parameters beforehand: fixed values, bounds, priors, equations.
         loop_values: ``controller`` and ``reference`` as the file of a loaded identification
             holds them; None for an identification that was made here.
+        judged: parameters that errors and covariances belong to, those of the result.
     """
 
     method: str
@@ -150,8 +152,54 @@ class Identification(Displayed):
     simulation: SimulationResult | None = field(default=None, repr=False)
     known: KnownParameters = field(default_factory=KnownParameters)
     loop_values: dict[str, Any] | None = field(default=None, repr=False)
+    judged: np.ndarray | None = field(default=None, repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        problem: Any,
+        theta: Mapping[str, float] | Sequence[float] | np.ndarray,
+        covariance: np.ndarray | None = None,
+        *,
+        name: str = "own estimate",
+        estimator: Callable[[np.ndarray, np.ndarray], Any] | None = None,
+    ) -> Identification:
+        """The result that parameters are, whoever found them.
+
+        Errors joint by joint, covariances, equations for the tests and whatever else is judged are
+        made from the problem at these parameters. A robust covariance is that of least squares on
+        the same rows where none is given.
+
+        Args:
+            problem: the `Problem` whose parameters they are.
+            theta: values by name, or in the order of ``problem.names``, shape (parameters,).
+            covariance: theirs, shape (parameters, parameters), or None.
+            name: name of the result.
+            estimator: the function that estimates them again without a block of motion, see
+                `pivident.identify`; None: held-out motion is judged with these values.
+
+        Returns:
+            The identification.
+
+        Raises:
+            IdentificationError: another shape, values that are not finite, a covariance that is
+                none, or parameters that contradict what the problem fixes.
+        """
+        made = display.presentation.own_estimate(
+            problem, theta, covariance, name=name, estimator=estimator
+        )
+        assert isinstance(made, cls)
+        return made
 
     def __post_init__(self) -> None:
+        settled = self.judged if self.judged is not None else np.array(self.theta)
+        if not np.array_equal(settled, self.theta, equal_nan=True):
+            raise UnusableValue(
+                "theta was replaced, but errors, covariances and signals are those of the estimate "
+                "before",
+                advice="make a result of other parameters with Identification.of(problem, theta)",
+            )
+        object.__setattr__(self, "judged", settled)
         for kind in ("covariance", "robust_covariance", "formula_covariance"):
             object.__setattr__(self, kind, rounded_away(getattr(self, kind)))
 

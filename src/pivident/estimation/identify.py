@@ -10,7 +10,7 @@ from pivident.dynamics.separation import KIND, separated
 from pivident.estimation.didim import LABEL, NOT_SIMULATED, reads_counts
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.method import Method, Say
+from pivident.estimation.method import Estimator, Method, Say
 from pivident.estimation.methods import method_named
 from pivident.estimation.problem import Problem, taken_as_zero
 from pivident.estimation.signal_recipes import RandomWalk, SignalRecipe
@@ -20,7 +20,7 @@ from pivident.foundation.threads import linear_algebra_in_one_thread
 
 def identify(
     problem: Problem,
-    method: Method | str = "piv",
+    method: Method | Estimator | str = "piv",
     progress: Say | None = None,
     *,
     test_gains: bool = True,
@@ -29,7 +29,10 @@ def identify(
 
     Args:
         problem: robot, recordings, loop, parameters, mask.
-        method: a method object, or one of the names in ``METHODS`` (``ls``, ``iv``, ``piv`` …).
+        method: a method object, one of the names in ``METHODS`` (``ls``, ``iv``, ``piv`` …), or an
+            estimator of one's own: a function of Φ, shape (rows, parameters), and τ, shape (rows,),
+            that returns the parameters, alone or with their covariance. The rows are those of all
+            joints, each divided by the standard deviation of its joint's error.
         progress: called with one line at each stage.
         test_gains: whether a fitted simulation (``cloe``, ``clie``, ``ml``) is asked if other gains
             of law and drives than the declared ones would fit better, which takes one simulation

@@ -10,8 +10,10 @@ Recipes of noise models: autoregressive, from what repeats, with a moving averag
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self
+
+import numpy as np
 
 from pivident.data.recording.recording import Recording
 from pivident.estimation.kinematics import settled_recipe
@@ -25,6 +27,9 @@ from pivident.loop.instruments.kinds import KINDS
 from pivident.loop.motion.motion import MOTION_BAND
 from pivident.robot.refusals import without_loops, without_wrenches
 
+#: What makes an estimate of one's own: of Φ, shape (rows, parameters), and τ, shape (rows,), the
+#: parameters, shape (parameters,), alone or with their covariance.
+Estimator = Callable[[np.ndarray, np.ndarray], Any]
 #: Called with one line at each stage.
 Say = Callable[[str], None]
 #: Which covariance of an estimate is reported.
@@ -220,6 +225,11 @@ class Method(Options):
             test_gains: whether a fitted simulation asks for other gains; see `identify`.
         """
         raise NotImplementedError(f"{type(self).__name__} has no estimate()")
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Its options as plain values, which a result keeps."""
+        return asdict(self)
 
     def settled(self, recordings: Sequence[Recording]) -> Self:
         """With cut-offs or windows in numbers, where the record decides on them.

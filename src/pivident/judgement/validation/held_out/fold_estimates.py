@@ -176,7 +176,8 @@ def widened(found: Identification, share: float | np.ndarray) -> dict[str, np.nd
 def without_fold(found: Identification, theta: np.ndarray, **others: Any) -> Identification:
     """An identification with other parameters, without the signals and equations of its own."""
     motion = found.fitted_range
-    return replace(found, theta=theta, recordings=(), motion=motion, equations=None, **others)
+    own = {"theta": theta, "judged": None} | others
+    return replace(found, recordings=(), motion=motion, equations=None, **own)
 
 
 def regressions_without(
