@@ -40,10 +40,15 @@ class DecimatedRecord:
     tau: np.ndarray  # torque, shape (joints, rows) [N m or N]
     dq: np.ndarray  # speeds that decide which rows are used, shape (joints, rows)
     used: np.ndarray  # rows that the estimate uses, shape (joints, rows)
-    row_weights: np.ndarray | None = None  # weights of the rows, likewise; None: all one
 
     full_rate: ClassVar[bool] = False
     motion: ClassVar[None] = None
+
+    @property
+    def row_weights(self) -> np.ndarray | None:
+        """Weights of the samples that the rows stand for, shape (joints, rows); None: all one."""
+        weights = self.kinematics.recording.weights
+        return None if weights is None else weights[np.round(self.sample_numbers).astype(int)].T
 
     @property
     def has_instruments(self) -> bool:
@@ -171,8 +176,7 @@ def decimate_record(
     if kinematics.measured is not None:  # the decimation mixes a sample with those beside it
         reach = int(np.prod(decimation_stages(factor)))
         used = used & [mostly_usable(measured, reach)[at] for measured in kinematics.measured]
-    weights = None if limits.weights is None else limits.weights[:, at]
-    return DecimatedRecord(kinematics, t, phi, z, tau, dq, used, weights)
+    return DecimatedRecord(kinematics, t, phi, z, tau, dq, used)
 
 
 def _own(regressor: Regressor, joint: int) -> slice:

@@ -48,10 +48,15 @@ class FullRateRecord:
     motion: SimulatedMotion | None
     used: np.ndarray  # True for samples of a joint that the estimate uses, shape (joints, samples)
     seen: np.ndarray  # True for samples that filters which begin anew may remember, likewise
-    row_weights: np.ndarray | None = None  # weights of the samples, likewise; None: all one
 
     full_rate: ClassVar[bool] = True
     z: ClassVar[None] = None
+
+    @property
+    def row_weights(self) -> np.ndarray | None:
+        """Weights of the samples, shape (joints, samples); None: all one."""
+        weights = self.kinematics.recording.weights
+        return None if weights is None else weights.T
 
     @property
     def has_instruments(self) -> bool:
@@ -208,7 +213,7 @@ def records_with_instruments(
             used &= valid_samples(kin, kin.dq, lim)
         if motion.valid is not None:
             used[:, ~motion.valid] = False
-        records.append(FullRateRecord(kin, motion, used, used.copy(), lim.weights))
+        records.append(FullRateRecord(kin, motion, used, used.copy()))
     return records
 
 
@@ -218,8 +223,8 @@ def records_without_instruments(
     """All recordings for least squares; measured speeds decide which samples are used."""
     valid = [valid_samples(k, k.dq, limit) for k, limit in zip(kinematics, limits, strict=True)]
     return [
-        FullRateRecord(kin, None, used, used.copy(), limit.weights)
-        for kin, used, limit in zip(kinematics, valid, limits, strict=True)
+        FullRateRecord(kin, None, used, used.copy())
+        for kin, used in zip(kinematics, valid, strict=True)
     ]
 
 

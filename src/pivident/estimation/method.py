@@ -73,6 +73,7 @@ class Handles:
         payload: the load between a record without and one with it.
         known: what may be known of the parameters beforehand, of the problem's ``fixed``,
             ``bounds``, ``priors`` and ``constraints``.
+        weights: weights of samples.
     """
 
     wrenches: bool = True
@@ -85,6 +86,7 @@ class Handles:
     shape_constants: bool = False
     payload: bool = False
     known: tuple[str, ...] = KNOWN
+    weights: bool = True
 
 
 @dataclass(frozen=True)
@@ -275,6 +277,11 @@ class Method(Options):
                 f"the problem has {listed(others)} of parameters, which {self.label} does not take",
                 advice=f"use ls, iv-full-rate or piv, or {able}",
             ).about(others[0])
+        if not self.handles.weights and any(r.weights is not None for r in problem.recordings):
+            raise ExperimentError(
+                f"samples have weights, which {self.label} does not take",
+                advice="use ls, iv-full-rate or piv",
+            ).about("weights")
         computed = [r.name for r in problem.recordings if r.torque_source == "law"]
         if computed and not self.handles.computed_torque:
             raise IdentificationError(

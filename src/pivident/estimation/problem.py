@@ -18,6 +18,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pivident.data.logs.torque_scale import OUTPUT_UNIT, is_ratio
 from pivident.data.recording.checks import check_within_reach
@@ -42,6 +43,7 @@ from pivident.loop.motion.motion import SpeedLimits
 from pivident.loop.simulation.control_loop import Loop
 from pivident.loop.simulation.controllers import PythonController
 from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
 
 #: Share of the rated speed below which rows are excluded.
 LOW_SPEED = 0.01
@@ -164,6 +166,10 @@ class Problem(Displayed):
         bounds: least and largest value by parameter name, None for none, as in ``(0, None)``.
         priors: expected value and standard deviation by parameter name, or `Prior`s with a
             covariance; they count as further measurements.
+        weights: what samples count: a number by joint name, an array of shape (samples, joints), or
+            one such array for each recording, as the ``weights`` of `Recording`, where they are
+            kept. Zero leaves a sample out.
+        without_equation: names of joints whose motion counts, but whose torque does not.
         constraints: linear equations, each as coefficients by parameter name and their value:
             ``({"zz1r": 1.0, "ia1": -2.0}, 0.0)``.
         without_loop: why there is no loop, a sentence, where one was looked for.
@@ -182,6 +188,10 @@ class Problem(Displayed):
     )
     priors: Priors = field(default=(), kw_only=True)
     constraints: Equalities = field(default=(), kw_only=True)
+    weights: Mapping[str, float] | Sequence[ArrayLike] | np.ndarray | None = field(
+        default=None, kw_only=True
+    )
+    without_equation: tuple[str, ...] = field(default=(), kw_only=True)
     without_loop: str = ""
     findings: tuple[Finding, ...] = ()
 
@@ -205,6 +215,7 @@ class Problem(Displayed):
                 check_within_reach("q_ref", recording.q_ref, self.robot)
         if self.loop is not None:
             self.loop.controller.check(self.robot.size - self.robot.base_joints)
+        self._weigh_samples()
         self._complete_torques()
         if isinstance(self.mask, (int, float)) and not 0 <= self.mask < 1:
             raise ExperimentError(f"mask is a share of the rated speed, 0 to 1, not {self.mask}")
@@ -236,6 +247,36 @@ class Problem(Displayed):
                     f"{recording!r} is not a recording",
                     advice="load_recording reads one from a log",
                 )
+
+    def _weigh_samples(self) -> None:
+        """Weights and equations that are left out, as the recordings have them."""
+        joints = self.robot.joint_names
+        alone = self.without_equation
+        alone = (alone,) if isinstance(alone, str) else tuple(alone)
+        if strangers := [name for name in alone if name not in joints]:
+            raise ExperimentError(
+                f"there is no joint {strangers[0]!r}", advice=nearest(strangers[0], joints)
+            ).about("without_equation")
+        if set(alone) == set(joints):
+            raise ExperimentError("no joint has an equation", advice="keep at least one").about(
+                "without_equation"
+            )
+        object.__setattr__(self, "without_equation", alone)
+        if not alone and self.weights is None:
+            return
+        silent = np.array([name in alone for name in joints])
+        with concerning("weights"):
+            weights = _weights(self.weights, self.recordings, joints)
+        recordings = []
+        for recording, own in zip(self.recordings, weights, strict=True):
+            valid = np.ones(recording.q.shape, bool) if recording.valid is None else recording.valid
+            if own is not None:
+                valid = valid & (own != 0.0)
+                own = np.where(own == 0.0, 1.0, own)
+            own = recording.weights if own is None else own
+            recordings.append(replace(recording, valid=valid & ~silent, weights=own))
+        object.__setattr__(self, "recordings", tuple(recordings))
+        object.__setattr__(self, "weights", None)
 
     def _complete_torques(self) -> None:
         """The torque of the control law where none was logged, and what that leaves open."""
@@ -320,6 +361,14 @@ class Problem(Displayed):
         return tuple(expressions[k] for k in self.selection)
 
     @cached_property
+    def silent_joints(self) -> tuple[str, ...]:
+        """Joints without an equation: no recording has a torque of them that counts."""
+        heard = np.zeros(self.robot.size, bool)
+        for recording in self.recordings:
+            heard |= True if recording.valid is None else recording.valid.any(axis=0)
+        return tuple(n for n, own in zip(self.robot.joint_names, heard, strict=True) if not own)
+
+    @cached_property
     def varying(self) -> np.ndarray:
         """Which parameters are estimated rather than fixed, shape (parameters,)."""
         return ~self.restrictions.is_fixed
@@ -373,6 +422,38 @@ def _robot_of_torques(robot: Robot, recordings: Sequence[Recording]) -> Robot:
         f"recording {motor!r} has torques of the motors, but {others} of sensors behind the gears",
         advice='set torque_side = "link" in every recording, or in none',
     )
+
+
+def _weights(
+    given: Any, recordings: Sequence[Recording], joints: Sequence[str]
+) -> list[np.ndarray | None]:
+    """Weights of the samples of each recording, shape (samples, joints), None for all one."""
+    if given is None:
+        return [None] * len(recordings)
+    if isinstance(given, Mapping):
+        if strangers := [name for name in given if name not in joints]:
+            raise ExperimentError(
+                f"there is no joint {strangers[0]!r}", advice=nearest(strangers[0], joints)
+            )
+        row = np.array([float(given.get(name, 1.0)) for name in joints])
+        return [np.broadcast_to(row, recording.q.shape) for recording in recordings]
+    single = isinstance(given, np.ndarray) and given.ndim == 2
+    own = [given] if single else list(given)
+    if len(own) != len(recordings):
+        raise ExperimentError(
+            f"there are weights for {len(own)} recordings, and {len(recordings)} recordings",
+            advice="give an array of shape (samples, joints) for each, or a number by joint name",
+        )
+    found: list[np.ndarray | None] = []
+    for recording, weights in zip(recordings, own, strict=True):
+        array = None if weights is None else np.asarray(weights, float)
+        if array is not None and array.shape != recording.q.shape:
+            raise ExperimentError(
+                f"weights of recording {recording.name!r} have shape {array.shape}",
+                advice=f"its samples have shape {recording.q.shape}",
+            )
+        found.append(array)
+    return found
 
 
 def taken_as_zero(problem: Problem) -> tuple[Finding, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +28,7 @@ from pivident.data.recording.checks import (
     one_column,
     settled,
 )
+from pivident.data.recording.usable_samples import leave_out_missing
 from pivident.foundation.errors import RecordingError
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.printable import is_printable
@@ -93,6 +94,9 @@ class Recording(Displayed):
         wrench_torque: torque at the joints that they stand for, Σ Jᵀ f at the instants of the
             samples, shape (samples, joints) [N m or N], or None. It is no part of ``tau``, which is
             that of the motors; the equations of motion have the sum of both.
+        weights: what each sample counts in a joint's equation, shape (samples, joints), above
+            zero: the inverse of its variance, relative to that of a sample of weight one; None: all
+            one.
         valid: True for samples that may stand in a joint's equation, shape (samples, joints); None:
             all of them. The others were no measurement and have been filled.
 
@@ -134,6 +138,7 @@ class Recording(Displayed):
     wrenches: tuple[MeasuredWrench, ...] = field(default=(), kw_only=True)
     wrench_torque: np.ndarray | None = field(default=None, kw_only=True)
     valid: np.ndarray | None = field(default=None, kw_only=True)
+    weights: np.ndarray | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
@@ -148,6 +153,8 @@ class Recording(Displayed):
         settle(self, "inputs", {key: settled(key, value) for key, value in self.inputs.items()})
         if self.valid is not None:
             settle(self, "valid", np.asarray(self.valid, bool))
+        if self.weights is not None:
+            settle(self, "weights", settled("weights", self.weights))
         self._check()
 
     def _check(self) -> None:
@@ -165,20 +172,27 @@ class Recording(Displayed):
         channels = {"tau": self.tau} | self.channels()
         if self.wrench_torque is not None:
             channels["wrench_torque"] = self.wrench_torque
-        masks = {} if self.valid is None else {"valid": self.valid}
+        masks = {k: x for k in ("valid", "weights") if (x := getattr(self, k)) is not None}
         for channel, values in (channels | masks).items():
             checks.check_shape(channel, values, (*self.q.shape[:1], self.joints))
         timestamps.check_length(self.samples)
         for channel, values in channels.items():
             checks.check_finite(channel, values, self.joint_names)
+        if self.weights is not None:
+            checks.check_weights(self.weights, self.joint_names)
         if not self.allow_constant:
             checks.check_changing("q", self.q, self.joint_names)
         if self.torque_source != "measured":
             return  # a law is constant and cut off where it commands so
+        # a joint whose torque nobody measured has none that could be wrong
+        own = np.arange(self.joints)
+        if self.valid is not None:
+            own = np.flatnonzero(self.valid.any(axis=0))
         if not self.allow_constant:
-            checks.check_changing("tau", self.tau, self.joint_names)
+            checks.check_changing("tau", self.tau[:, own], [self.joint_names[j] for j in own])
         if self.saturation == "refuse":
-            checks.check_not_saturated("tau", self.tau, self.q, self.joint_names)
+            names = [self.joint_names[j] for j in own]
+            checks.check_not_saturated("tau", self.tau[:, own], self.q[:, own], names)
 
     def _check_options(self) -> None:
         """Refuse rates, times and choices that mean nothing."""
@@ -259,6 +273,7 @@ class Recording(Displayed):
             inputs={key: values[:, joints:] for key, values in self.inputs.items()},
             wrench_torque=None if self.wrench_torque is None else self.wrench_torque[:, joints:],
             valid=None if self.valid is None else self.valid[:, joints:],
+            weights=None if self.weights is None else self.weights[:, joints:],
         )
 
     def with_reference_of(self, driven: Recording) -> Recording:
@@ -353,6 +368,7 @@ class Recording(Displayed):
             wrenches=tuple(replace(w, values=w.values[start:stop]) for w in self.wrenches),
             wrench_torque=None if self.wrench_torque is None else self.wrench_torque[start:stop],
             valid=None if self.valid is None else self.valid[start:stop],
+            weights=None if self.weights is None else self.weights[start:stop],
             start_time=self.start_time + start / self.rate,
             allow_constant=True,
             saturation="allow",
@@ -390,6 +406,7 @@ class Recording(Displayed):
         *,
         joint_names: Sequence[str] | None = None,
         name: str = "recording",
+        gaps: Literal["refuse", "leave out"] = "refuse",
         **options: Any,
     ) -> Recording:
         """A recording from arrays in SI units on the joint side.
@@ -403,6 +420,9 @@ class Recording(Displayed):
             joint_names: names of the joints in the order of the columns; ``joint_1`` … where they
                 are not given. For `Problem` they are those of the robot.
             name: name of the run.
+            gaps: samples that are NaN are refused, or filled for the filters and left out of the
+                equations: a torque of that joint's, a position of all. A joint without any torque
+                then has no equation.
             options: further fields of the recording, such as ``q_ref`` or ``torque_timing``.
 
         Returns:
@@ -423,6 +443,10 @@ class Recording(Displayed):
                 raise RecordingError(
                     f"a recording has no option {option!r}", advice=nearest(option, known)
                 )
+        if gaps not in ("refuse", "leave out"):
+            raise RecordingError(
+                f"gaps is {gaps!r}", advice='choose "refuse" or "leave out"'
+            ).about("gaps")
         if tau is None:
             tau = np.zeros(np.shape(q))
             options["torque_source"] = "none"
@@ -432,6 +456,10 @@ class Recording(Displayed):
         options["inputs"] = {key: one_column(key, values) for key, values in inputs.items()}
         joints = channels["q"].shape[-1] if channels["q"].ndim else 1
         names = tuple(joint_names or (f"joint_{j + 1}" for j in range(joints)))
+        if gaps == "leave out":
+            valid, notes = leave_out_missing(channels, names, rate)
+            options["valid"] = valid if options.get("valid") is None else valid & options["valid"]
+            options["notes"] = (*options.get("notes", ()), *notes)
         return cls(name=name, joint_names=names, rate=rate, **channels, **options)
 
     @classmethod

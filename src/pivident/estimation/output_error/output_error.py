@@ -208,6 +208,7 @@ class OutputError(IteratedMethod):
             no_controller=is_open,
             no_reference=is_open,
             known=("fixed", "bounds"),
+            weights=False,
         )
 
     @property

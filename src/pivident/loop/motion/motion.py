@@ -144,8 +144,6 @@ def packed_stretch(
 class SpeedLimits:
     """Speeds below which samples are excluded, from an observation matrix with friction in it.
 
-    With them stands what each sample of the recording counts, where somebody says that.
-
     At standstill dry friction takes any value up to its level, and no law of it holds. The motor of
     a coupling rubs with its own speed v = dq_motor + ratio·dq_joint, in the torques of both joints:
     where it stands still, neither joint's torque can be told, however fast the two move.
@@ -153,13 +151,10 @@ class SpeedLimits:
     Attributes:
         joints: by joint, shape (joints,) [rad/s or m/s]; zero: all samples count.
         couplings: motors that rub with the speeds of two joints; their limit is that of ``motor``.
-        weights: of each sample in each joint's equation, shape (joints, samples), positive; None:
-            all one.
     """
 
     joints: np.ndarray
     couplings: Sequence[Coupling] = ()
-    weights: np.ndarray | None = None
 
     def moving(self, dq: np.ndarray) -> np.ndarray:
         """Samples faster than the limits, shape (joints, samples), for speeds ``dq`` like it."""
