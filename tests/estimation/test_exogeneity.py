@@ -3,6 +3,7 @@
 import numpy as np
 
 from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.restrictions import Freedom
 from pivident.estimation.solved_equations import durbin_wu_hausman
 
 
@@ -13,7 +14,7 @@ def outcome(rng, endogenous, rows=4000):
     tau = np.array([1.0, -2.0]) @ phi + noise
     joint = JointSums.empty("a", np.arange(2))
     joint.add(phi, z, tau, None)
-    return durbin_wu_hausman([joint], np.ones(1), 2)
+    return durbin_wu_hausman([joint], np.ones(1), Freedom.whole(2))
 
 
 def test_it_holds_its_level_where_regressors_are_exogenous():
@@ -37,7 +38,7 @@ def test_it_agrees_with_the_dense_augmented_regression():
     tau = phi[0] + rng.normal(size=500)
     joint = JointSums.empty("a", np.arange(2))
     joint.add(phi, z, tau, None)
-    found = durbin_wu_hausman([joint], np.ones(1), 2)
+    found = durbin_wu_hausman([joint], np.ones(1), Freedom.whole(2))
     rest = phi - (phi @ z.T) @ np.linalg.solve(z @ z.T, z)
 
     def rss(columns):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from math import inf, nan
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from pivident.data.logs.torque_scale import marked_scales, scale_sentences
-from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.signs import sign_warnings
 from pivident.estimation.covariance import rounded_away
 from pivident.estimation.covariance.sandwich import jackknife
@@ -73,7 +72,7 @@ def answer(
     if covariances is None:
         robust = attempts.of(
             "Standard errors are those of white errors",
-            _robust_covariance, method, estimate, regressor, whitened,
+            _robust_covariance, method, estimate, problem, whitened,
             otherwise=np.full_like(estimate.solution.covariance, np.nan),
         )  # fmt: skip
         covariances = Covariances(robust, estimate.solution.covariance)
@@ -103,7 +102,7 @@ def answer(
         relative_error=relative_error,
         condition=estimate.solution.condition,
         recordings=fitted,
-        options=asdict(method) | {"mask": problem.mask},
+        options=method.settings | {"mask": problem.mask},
         method_used=method,
         warnings=_warnings(problem, estimate, run, np.sqrt(np.diag(covariance)), warnings),
         sources={s.name: s.sha256 for r in problem.recordings for s in r.sources},
@@ -114,6 +113,7 @@ def answer(
         equations=equations,
         equation_noise=noise,
         simulation=simulation,
+        known=problem.known,
     )
 
 
@@ -162,7 +162,7 @@ def _tested(problem: Problem, estimate: Estimate) -> list[Finding]:
     attempts = Attempts()
     test = attempts.of(
         "Whether least squares is biased could not be tested",
-        durbin_wu_hausman, estimate.sums, estimate.variance, len(problem.names),
+        durbin_wu_hausman, estimate.sums, estimate.variance, problem.restrictions.freedom,
     )  # fmt: skip
     tested = [] if test is None else [Finding("warning", "exogeneity", "tested", str(test))]
     return [*tested, *_failed(attempts)]
@@ -202,15 +202,19 @@ def method_label(problem: Problem, method: Method, used: InstrumentsUsed | None)
 
 
 def _warnings(
-    problem: Problem, estimate: Estimate, run: Run, std: np.ndarray, own: Sequence[Finding]
+    problem: Problem, estimate: Estimate, run: Run, std: np.ndarray, warnings: Sequence[Finding]
 ) -> tuple[Finding, ...]:
     """What the estimator noticed."""
     scales = marked_scales([s for r in problem.recordings for s in r.torque_scale])
     parameters, names = problem.regressor.parameters, problem.names
-    signs = sign_warnings(problem.robot, parameters, names, estimate.theta, std)
+    own = np.flatnonzero(problem.varying)  # what was fixed is nobody's finding
+    signs = sign_warnings(
+        problem.robot,
+        [parameters[k] for k in own], [names[k] for k in own], estimate.theta[own], std[own],
+    )  # fmt: skip
     assumed = [Finding("warning", "torque scale", "assumed", s) for s in scale_sentences(scales)]
     decided = [*_link_torques(problem.robot), *problem.findings, *_many_turns(problem)]
-    noticed = [*decided, *own, *signs, *assumed, *estimate.reservations]
+    noticed = [*decided, *warnings, *signs, *assumed, *estimate.reservations]
     if not run.converged:
         change = 100 * float(run.history[-1].change)
         text = (
@@ -279,8 +283,8 @@ def _joint_fits(
         JointFit(
             name=joint.name,
             torque_unit=units[j],
-            relative_error=float(np.sqrt(squares[j] / max(torque[j], 1e-300))),
-            rms_error=float(np.sqrt(squares[j] / max(rows[j], 1))),
+            relative_error=float(np.sqrt(squares[j] / max(torque[j], 1e-300))) if rows[j] else nan,
+            rms_error=float(np.sqrt(squares[j] / rows[j])) if rows[j] else nan,
             noise_std=float(noise_std[j]),
             noise_unit=noise_units[j],
             ar_order=int(prefilters.orders[j]) if prefilters.models else 0,
@@ -298,7 +302,7 @@ def _relative_error(
     estimate: Estimate, residuals: Sequence[np.ndarray], joints: Sequence[JointFit]
 ) -> float:
     """‖τ - Φθ‖/‖τ‖ over all joints, each weighted by its own unfiltered error."""
-    spread = np.array([max(f.rms_error, 1e-300) ** 2 for f in joints])
+    spread = np.array([max(f.rms_error, 1e-300) ** 2 if f.rows else inf for f in joints])
     signals = residuals, [r.tau for r in estimate.records]
     error, total = (
         sum(
@@ -322,16 +326,18 @@ def _sum_of_squares(signal: np.ndarray, used: np.ndarray) -> np.ndarray:
 
 
 def _robust_covariance(
-    method: Method, estimate: Estimate, regressor: Regressor, whitened: Sequence[np.ndarray]
+    method: Method, estimate: Estimate, problem: Problem, whitened: Sequence[np.ndarray]
 ) -> np.ndarray:
     """Covariance that holds for coloured residuals; ``whitened``: those of unit variance."""
     records, variance = estimate.records, estimate.variance
-    windows = jackknife(estimate.sums, estimate.theta, variance, method.weight_power)
+    freedom = problem.restrictions.freedom
+    windows = jackknife(estimate.sums, estimate.theta, variance, method.weight_power, freedom)
     only_windows = method.covariance == "sandwich" or method.weight_power != 1.0
     if only_windows or not records[0].full_rate:
         return windows.covariance
+    filters = estimate.prefilters.filters
     stationary = stationary_covariance(
-        regressor, records, estimate.prefilters.filters, estimate.sums, variance, whitened
+        problem.regressor, records, filters, estimate.sums, variance, whitened, freedom
     )
     if method.covariance == "stationary":
         return stationary

@@ -11,7 +11,7 @@ import numpy as np
 from pivident.data.logs.timestamps import mostly_usable
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows
-from pivident.estimation.equation_record import FittedRecording, JointColumns
+from pivident.estimation.equation_record import FittedRecording, JointColumns, weighted
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.signal_recipes import Decimated
 from pivident.foundation.threads import run_in_threads
@@ -43,6 +43,12 @@ class DecimatedRecord:
 
     full_rate: ClassVar[bool] = False
     motion: ClassVar[None] = None
+
+    @property
+    def row_weights(self) -> np.ndarray | None:
+        """Weights of the samples that the rows stand for, shape (joints, rows); None: all one."""
+        weights = self.kinematics.recording.weights
+        return None if weights is None else weights[np.round(self.sample_numbers).astype(int)].T
 
     @property
     def has_instruments(self) -> bool:
@@ -80,7 +86,8 @@ class DecimatedRecord:
         shares = [] if windows is None else list(windows.shares(slice(0, self.t.size)))
         for j, joint in enumerate(sums):
             phi, z, _, tau = self._columns(regressor, j)
-            joint.add(phi, z, tau, self.used[j], shares)
+            weights = None if self.row_weights is None else self.row_weights[j]
+            joint.add(phi, z, tau, self.used[j], shares, weights)
 
     def residual(self, regressor: Regressor, theta: np.ndarray) -> np.ndarray:
         """τ - Φθ on the rows, shape (joints, rows)."""
@@ -90,7 +97,8 @@ class DecimatedRecord:
         self, residual: np.ndarray, filters: Sequence[Prefilter], variance: np.ndarray
     ) -> np.ndarray:
         """ε_j λ_j^(-1/2), shape (joints, rows)."""
-        return residual / np.sqrt(np.where(variance > 0, variance, 1.0))[:, None]
+        white = residual / np.sqrt(np.where(variance > 0, variance, 1.0))[:, None]
+        return white if self.row_weights is None else white * np.sqrt(self.row_weights)
 
     def fitted(
         self, regressor: Regressor, theta: np.ndarray, residual: np.ndarray, whitened: np.ndarray
@@ -119,7 +127,7 @@ class DecimatedRecord:
     ) -> Iterator[tuple[slice, tuple[Rows, ...]]]:
         """All rows as one block; ``extra``: packed columns of further instruments."""
         joints = range(regressor.robot.size)
-        rows = [make(j, self._columns(regressor, j, extra), self.used[j]) for j in joints]
+        rows = [make(j, self._columns(regressor, j, extra), weighted(self, j)) for j in joints]
         yield slice(0, self.t.size), tuple(rows)
 
     def _columns(

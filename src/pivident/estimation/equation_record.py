@@ -19,7 +19,7 @@ from pivident.estimation.covariance.windows import Windows, windows_of
 from pivident.estimation.normal_equations import JointSums
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import Sized
-from pivident.loop.motion.motion import Kinematics, SimulatedMotion
+from pivident.loop.motion.motion import Kinematics, SimulatedMotion, measured_samples
 from pivident.signals.prefilter import Prefilter
 
 
@@ -126,6 +126,10 @@ class EquationRecord(Protocol):
         """True for rows that the estimate uses, shape (joints, rows)."""
 
     @property
+    def row_weights(self) -> np.ndarray | None:
+        """Weights of the rows, shape (joints, rows); None: all one."""
+
+    @property
     def seen(self) -> np.ndarray:
         """True for rows that prefilters which begin anew may remember, shape (joints, rows)."""
 
@@ -193,6 +197,17 @@ class EquationRecord(Protocol):
         """Walk through the rows: ``make(joint, columns, used)`` of each block and joint."""
 
 
+def weighted(record: EquationRecord, joint: int, span: slice = slice(None)) -> np.ndarray:
+    """Roots of the weights of a joint's rows, zero where they are not used, shape (rows,).
+
+    ``span``: which rows.
+    """
+    used = record.used[joint, span]
+    if record.row_weights is None:
+        return used
+    return np.where(used, np.sqrt(record.row_weights[joint, span]), 0.0)
+
+
 def accumulate(
     regressor: Regressor,
     records: Sequence[EquationRecord],
@@ -206,6 +221,8 @@ def accumulate(
         JointSums.empty(name, regressor.columns_of(j), count)
         for j, name in enumerate(regressor.robot.joint_names)
     ]
+    for j, joint in enumerate(sums):
+        joint.left_out = not any(measured_samples(r.kinematics)[j].any() for r in records)
     for record, own in zip(records, windows, strict=True):
         record.add_to(sums, regressor, filters, own if by_window else None)
     return sums

@@ -15,7 +15,7 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows
-from pivident.estimation.equation_record import FittedRecording, JointColumns
+from pivident.estimation.equation_record import FittedRecording, JointColumns, weighted
 from pivident.estimation.normal_equations import JointSums
 from pivident.foundation.scratch import working_array
 from pivident.foundation.threads import run_in_threads
@@ -53,6 +53,12 @@ class FullRateRecord:
     z: ClassVar[None] = None
 
     @property
+    def row_weights(self) -> np.ndarray | None:
+        """Weights of the samples, shape (joints, samples); None: all one."""
+        weights = self.kinematics.recording.weights
+        return None if weights is None else weights.T
+
+    @property
     def has_instruments(self) -> bool:
         """Whether instruments differ from the observation matrix."""
         return self.motion is not None
@@ -88,7 +94,8 @@ class FullRateRecord:
         shares = [list(windows.shares(span)) if windows is not None else [] for span in spans]
 
         def add(j: int, span: slice, stack: np.ndarray) -> None:
-            sums[j].add_stack(stack, self.used[j, span], shares[span.start // BLOCK])
+            weights = None if self.row_weights is None else self.row_weights[j, span]
+            sums[j].add_stack(stack, self.used[j, span], shares[span.start // BLOCK], weights)
 
         _walk(regressor, self, filters, add)
 
@@ -102,7 +109,7 @@ class FullRateRecord:
         """L_j ε_j λ_j^(-1/2), shape (joints, samples)."""
         white = filtered(residual, filters, self.seen)
         white /= np.sqrt(variance)[:, None]
-        return white
+        return white if self.row_weights is None else white * np.sqrt(self.row_weights)
 
     def fitted(
         self, regressor: Regressor, theta: np.ndarray, residual: np.ndarray, whitened: np.ndarray
@@ -167,7 +174,8 @@ class FullRateRecord:
                 parts = np.split(stack, range(width, len(stack), width))
                 z = parts[1] if self.has_instruments else None
                 further = parts[-2] if extra is not None else None
-                rows[j] = make(j, (parts[0], z, further, parts[-1][0]), self.used[j, span])
+                columns = parts[0], z, further, parts[-1][0]
+                rows[j] = make(j, columns, weighted(self, j, span))
 
             run_in_threads(work, joints)
             yield span, tuple(r for r in rows if r is not None)

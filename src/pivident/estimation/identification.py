@@ -5,6 +5,7 @@ Sums of the fitted record of an identification, and its estimate among all base 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf, nan
@@ -19,7 +20,9 @@ from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.covariance import rounded_away
 from pivident.estimation.equation_record import FittedRecording, MotionRange
+from pivident.estimation.known_parameters import KnownParameters
 from pivident.estimation.method import Method
+from pivident.estimation.restrictions import Restrictions
 from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import EquationNoise, Equations, TorqueSums
@@ -116,8 +119,10 @@ class Identification(Estimated, Displayed):
             in files of versions that did not write it.
         simulation: how near a fitted simulation comes, with the unknowns of its loop; None: nothing
             was fitted by simulation.
+        known: what was known of the parameters beforehand: fixed values, bounds, priors, equations.
         loop_values: ``controller``, ``reference`` and ``loop`` as the file of a loaded
             identification holds them; None for an identification that was made here.
+        judged: parameters that errors and covariances belong to, those of the result.
     """
 
     method: str
@@ -148,9 +153,56 @@ class Identification(Estimated, Displayed):
     torque_sums: TorqueSums | None = field(default=None, repr=False)
     equation_noise: EquationNoise | None = field(default=None, repr=False)
     simulation: SimulationResult | None = field(default=None, repr=False)
+    known: KnownParameters = field(default_factory=KnownParameters)
     loop_values: dict[str, Any] | None = field(default=None, repr=False)
+    judged: np.ndarray | None = field(default=None, repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        problem: Any,
+        theta: Mapping[str, float] | Sequence[float] | np.ndarray,
+        covariance: np.ndarray | None = None,
+        *,
+        name: str = "own estimate",
+        estimator: Callable[[np.ndarray, np.ndarray], Any] | None = None,
+    ) -> Identification:
+        """The result that parameters are, whoever found them.
+
+        Errors joint by joint, covariances, equations for the tests and whatever else is judged are
+        made from the problem at these parameters. A robust covariance is that of least squares on
+        the same rows where none is given.
+
+        Args:
+            problem: the `Problem` whose parameters they are.
+            theta: values by name, or in the order of ``problem.names``, shape (parameters,).
+            covariance: theirs, shape (parameters, parameters), or None.
+            name: name of the result.
+            estimator: the function that estimates them again without a block of motion, see
+                `pivident.identify`; None: held-out motion is judged with these values.
+
+        Returns:
+            The identification.
+
+        Raises:
+            IdentificationError: another shape, values that are not finite, a covariance that is
+                none, or parameters that contradict what the problem fixes.
+        """
+        made = display.presentation.own_estimate(
+            problem, theta, covariance, name=name, estimator=estimator
+        )
+        assert isinstance(made, cls)
+        return made
 
     def __post_init__(self) -> None:
+        settled = self.judged if self.judged is not None else np.array(self.theta)
+        if not np.array_equal(settled, self.theta, equal_nan=True):
+            raise UnusableValue(
+                "theta was replaced, but errors, covariances and signals are those of the estimate "
+                "before",
+                advice="make a result of other parameters with Identification.of(problem, theta)",
+            )
+        object.__setattr__(self, "judged", settled)
         for kind in ("covariance", "robust_covariance", "formula_covariance"):
             object.__setattr__(self, kind, rounded_away(getattr(self, kind)))
 
@@ -252,6 +304,11 @@ class Identification(Estimated, Displayed):
         return np.concatenate(list(parts))
 
     @property
+    def free_std(self) -> np.ndarray:
+        """Standard errors, infinite where a value is fixed: what changes are compared with."""
+        return np.where(self.restrictions.is_fixed, inf, self.std)
+
+    @property
     def method_std(self) -> np.ndarray:
         """Standard errors by the method's covariance, shape (parameters,).
 
@@ -279,8 +336,13 @@ class Identification(Estimated, Displayed):
     def bound_sides(self) -> tuple[str, ...]:
         """Bound that holds each estimate, ``low`` or ``high``; empty where none does."""
         if self.simulation is None:
-            return ("",) * len(self.names)
+            return self.restrictions.sides(self.theta)
         return tuple(self.simulation.side(name) for name in self.names)
+
+    @cached_property
+    def restrictions(self) -> Restrictions:
+        """What was known beforehand, as restrictions of the parameters."""
+        return self.known.restrictions(self.names)
 
     def value(self, name: str) -> float:
         """Estimate of one parameter, by its name with or without the trailing ``r``.
@@ -342,7 +404,7 @@ def torque_sums(identification: Identification) -> TorqueSums:
     base = base_parameters(identification.robot)
     everything = regressor_of(identification.robot, base.parameters)
     theta = estimated_in_base(identification, base)
-    weights = 1.0 / np.array([max(j.rms_error, 1e-150) ** 2 for j in identification.joints])
+    weights = joint_weights(identification)
     size = len(base)
     gram, moment, square, rows = np.zeros((size, size)), np.zeros(size), 0.0, 0
     for recording in identification.recordings:
@@ -361,6 +423,13 @@ def torque_sums(identification: Identification) -> TorqueSums:
                 square += float(weights[j] * (tau @ tau))
                 rows += int(np.count_nonzero(used[j]))
     return TorqueSums(gram, moment, square, rows)
+
+
+def joint_weights(identification: Identification) -> np.ndarray:
+    """1 / squared rms torque error of each joint, zero for one without equation, (joints,)."""
+    return np.array(
+        [1.0 / max(j.rms_error, 1e-150) ** 2 if j.rows else 0.0 for j in identification.joints]
+    )
 
 
 def estimated_in_base(identification: Identification, base: BaseParameters) -> np.ndarray:

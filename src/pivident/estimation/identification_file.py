@@ -7,7 +7,7 @@ the sums of the fitted record, so that `load_identification` gets back everythin
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from math import inf, nan
 from os import PathLike
 from typing import Annotated, Any, TypedDict
@@ -16,6 +16,7 @@ import numpy as np
 
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification, Iteration, JointFit, torque_sums
+from pivident.estimation.known_parameters import KnownParameters
 from pivident.estimation.method import Arma, AutoRegressive, Method, Repetition
 from pivident.estimation.methods import METHODS, name_of
 from pivident.estimation.parameter_rows import parameter_rows
@@ -30,6 +31,7 @@ from pivident.foundation.text.display import in_one_line
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.plain_values import (
     LATER,
+    SPARSE,
     Known,
     Limits,
     Name,
@@ -132,6 +134,7 @@ class IdentificationTable:
     torque_sums: Annotated[TorqueSums | None, LATER] = None
     equation_noise: Annotated[EquationNoise | None, LATER] = None
     simulation: Annotated[SimulationResult | None, LATER] = None
+    known: Annotated[KnownParameters, SPARSE] = field(default_factory=KnownParameters)
 
 
 def save_identification(identification: Identification, folder: str | PathLike[str]) -> None:

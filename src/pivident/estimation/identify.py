@@ -10,9 +10,9 @@ from pivident.dynamics.separation import KIND, separated
 from pivident.estimation.didim import LABEL, NOT_SIMULATED, reads_counts
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.method import Method, Say
+from pivident.estimation.method import Estimator, Method, Say
 from pivident.estimation.methods import method_named
-from pivident.estimation.problem import Problem
+from pivident.estimation.problem import Problem, taken_as_zero
 from pivident.estimation.signal_recipes import RandomWalk, SignalRecipe
 from pivident.foundation.errors import IdentificationError, RankDeficientRegressor
 from pivident.foundation.threads import linear_algebra_in_one_thread
@@ -20,7 +20,7 @@ from pivident.foundation.threads import linear_algebra_in_one_thread
 
 def identify(
     problem: Problem,
-    method: Method | str = "piv",
+    method: Method | Estimator | str = "piv",
     progress: Say | None = None,
     *,
     test_gains: bool = True,
@@ -29,7 +29,10 @@ def identify(
 
     Args:
         problem: robot, recordings, loop, parameters, mask.
-        method: a method object, or one of the names in ``METHODS`` (``ls``, ``iv``, ``piv`` …).
+        method: a method object, one of the names in ``METHODS`` (``ls``, ``iv``, ``piv`` …), or an
+            estimator of one's own: a function of Φ, shape (rows, parameters), and τ, shape (rows,),
+            that returns the parameters, alone or with their covariance. The rows are those of all
+            joints, each divided by the standard deviation of its joint's error.
         progress: called with one line at each stage.
         test_gains: whether a fitted simulation (``cloe``, ``clie``, ``ml``) is asked if other gains
             of law and drives than the declared ones would fit better, which takes one simulation
@@ -58,7 +61,7 @@ def identify(
     method.refuse(problem)
     method = method.settled(problem.recordings)
     say = progress or (lambda line: None)
-    noticed = method.about_torques(problem.recordings)
+    noticed = (*method.about_torques(problem.recordings), *taken_as_zero(problem))
     with linear_algebra_in_one_thread():
         while True:
             try:
@@ -67,8 +70,10 @@ def identify(
             except RankDeficientRegressor as error:
                 if method.fits_simulation:  # holds what it cannot determine, or refuses
                     raise
-                names, why = separated(problem.base, problem.selection, error)
-                problem = replace(problem, parameters=names)
+                free = [problem.selection[k] for k in problem.restrictions.freedom.free]
+                names, why = separated(problem.base, free, error)
+                dependent = set(problem.names) - {problem.base.names[k] for k in free}
+                problem = problem.estimating((*names, *dependent))
                 say(f"{method.label}: {why.message}")
                 noticed = (why, *noticed)
     if reads_counts(problem) and result.method != LABEL:
@@ -81,7 +86,7 @@ def narrowed(problem: Problem, found: Identification) -> Problem:
     if found.names == problem.names:
         return problem
     why = [w for w in found.warnings if w.kind == KIND and w not in problem.findings]
-    return replace(problem, parameters=found.names, findings=(*problem.findings, *why))
+    return problem.estimating(found.names, why)
 
 
 def build_regression(

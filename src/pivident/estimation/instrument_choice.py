@@ -106,10 +106,14 @@ def without_loop(kinematics: list[Kinematics], reason: str, floating: bool = Fal
 
 
 def may_do_without(problem: Problem, method: InstrumentalMethod) -> bool:
-    """Whether other instruments may replace the loop: its law is not what the user says it is."""
+    """Whether other instruments may replace the loop.
+
+    Its law is not what the user says it is, or a joint has no torque that its parameters would be
+    known from.
+    """
     loop = problem.loop
     return method.instruments == "auto" and (
-        loop is None or loop.found or loop.reference == "smoothed"
+        loop is None or loop.found or loop.reference == "smoothed" or bool(problem.silent_joints)
     )
 
 

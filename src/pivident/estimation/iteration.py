@@ -68,9 +68,9 @@ def estimate_without_load(
     filters = [Prefilter()] * problem.robot.size
     records = records_without_instruments(known, limits)
     sums = accumulate(regressor, records, filters, by_window=False)
-    names = [problem.names[k] for k in others]
+    restrictions = problem.restrictions.on(others)
     theta = np.zeros(len(problem.names))
-    theta[others] = weighted_solution(sums, names, np.zeros(others.size), 1.0)[0].theta
+    theta[others] = weighted_solution(sums, restrictions, np.zeros(others.size), 1.0)[0].theta
     return theta
 
 
@@ -262,7 +262,7 @@ def least_squares_pass(signals: Signals, nominal: Pass, records: Sequence[Equati
     """
     problem, filters = signals.problem, nominal.prefilters.filters
     sums = accumulate(problem.regressor, records, filters, by_window=False)
-    theta = weighted_solution(sums, problem.names, nominal.theta, 1.0)[0].theta
+    theta = weighted_solution(sums, problem.restrictions, nominal.theta, 1.0)[0].theta
     return Pass(1, theta, nominal.theta, records, nominal.prefilters)
 
 
@@ -289,7 +289,7 @@ def solve(steps: Steps, last: Pass, simulated: Simulated, prefilters: Prefilters
     records, prefilters = steps.equations(last, simulated, prefilters)
     by_window = steps.always_by_window or number >= _earliest(steps)
     sums = accumulate(problem.regressor, records, prefilters.filters, by_window)
-    solution, variance = weighted_solution(sums, problem.names, simulated.theta, power)
+    solution, variance = weighted_solution(sums, problem.restrictions, simulated.theta, power)
     return Estimate(
         number, solution.theta, simulated.theta, records, prefilters, sums, solution, variance
     )
@@ -319,12 +319,13 @@ class Run:
         method, theta, sums = steps.method, estimate.theta, estimate.sums
         covariance, may_be_last = estimate.solution.covariance, estimate.number >= steps.earliest
         if method.covariance != "formula" and may_be_last:
-            covariance = sandwich(sums, theta, estimate.variance, method.weight_power)
-        std = np.sqrt(np.diag(covariance))
+            freedom = steps.signals.problem.restrictions.freedom
+            covariance = sandwich(sums, theta, estimate.variance, method.weight_power, freedom)
+        std = np.maximum(np.sqrt(np.diag(covariance)), 1e-300)  # zero where a value is fixed
         assert estimate.simulated is not None
         step = np.abs(theta - estimate.simulated)
         change = float((step / np.maximum(np.abs(theta), NEAR_ZERO * std)).max())
-        settled = float((step / std).max()) < SETTLED
+        settled = bool((step < SETTLED * std)[steps.signals.problem.varying].all())
         residual = relative_residual(sums, theta, estimate.variance)
         before = self.history[-1].residual if self.history else np.inf
         made = Iteration(theta, change, residual, halvings, estimate.prefilters.orders)

@@ -167,9 +167,11 @@ def _solve(
 ) -> tuple[Solution, np.ndarray]:
     """One solution; its variances are those of the weights, or the common one without weights."""
     variance = np.array([s.own_variance() for s in sums])
-    if not method.weighted:
-        theta = solve(sums, np.ones(len(sums)), problem.names).theta
-        rows = sum(s.rows for s in sums)
-        common = sum(s.residual_sum(theta) for s in sums) / max(rows - theta.size, 1)
+    known = problem.restrictions
+    if not method.weighted:  # a prior would weigh against squares whose size is not known yet
+        theta = solve(sums, np.ones(len(sums)), known.without_prior).theta
+        rows, weight = sum(s.rows for s in sums), sum(s.weight for s in sums)
+        square = sum(s.residual_sum(theta) for s in sums)
+        common = square / max(rows - known.freedom.free.size, 1) * (rows / max(weight, 1e-300))
         variance = np.full(len(sums), max(common, 1e-300))
-    return solve(sums, variance, problem.names, checked=True), variance
+    return solve(sums, variance, known, checked=True), variance

@@ -10,8 +10,10 @@ Recipes of noise models: autoregressive, from what repeats, with a moving averag
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, Self
+
+import numpy as np
 
 from pivident.data.recording.recording import Recording
 from pivident.estimation.kinematics import settled_recipe
@@ -20,10 +22,14 @@ from pivident.estimation.signal_recipes import RECIPES, Bandpass, SignalRecipe
 from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.foundation.options import Options, declarations, option
 from pivident.foundation.text.finding import Finding
+from pivident.foundation.text.sentences import listed
 from pivident.loop.instruments.kinds import KINDS
 from pivident.loop.motion.motion import MOTION_BAND
 from pivident.robot.refusals import without_loops, without_wrenches
 
+#: What makes an estimate of one's own: of Φ, shape (rows, parameters), and τ, shape (rows,), the
+#: parameters, shape (parameters,), alone or with their covariance.
+Estimator = Callable[[np.ndarray, np.ndarray], Any]
 #: Called with one line at each stage.
 Say = Callable[[str], None]
 #: Which covariance of an estimate is reported.
@@ -47,6 +53,10 @@ class Cost(NamedTuple):
     each: float
 
 
+#: What may be known of parameters beforehand: fields of a problem.
+KNOWN = ("fixed", "bounds", "priors", "constraints")
+
+
 @dataclass(frozen=True)
 class Handles:
     """What a method copes with.
@@ -61,6 +71,9 @@ class Handles:
         law_choice: comparisons of friction laws on its equations.
         shape_constants: a search for the constants of friction laws on its equations.
         payload: the load between a record without and one with it.
+        known: what may be known of the parameters beforehand, of the problem's ``fixed``,
+            ``bounds``, ``priors`` and ``constraints``.
+        weights: weights of samples.
     """
 
     wrenches: bool = True
@@ -72,6 +85,8 @@ class Handles:
     law_choice: bool = False
     shape_constants: bool = False
     payload: bool = False
+    known: tuple[str, ...] = KNOWN
+    weights: bool = True
 
 
 @dataclass(frozen=True)
@@ -213,6 +228,11 @@ class Method(Options):
         """
         raise NotImplementedError(f"{type(self).__name__} has no estimate()")
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Its options as plain values, which a result keeps."""
+        return asdict(self)
+
     def settled(self, recordings: Sequence[Recording]) -> Self:
         """With cut-offs or windows in numbers, where the record decides on them.
 
@@ -249,6 +269,19 @@ class Method(Options):
                 f"{self.label} does not handle",
                 advice="use piv or cloe, or another friction law",
             )
+        if others := [n for n in KNOWN if getattr(problem, n) and n not in self.handles.known]:
+            able = (
+                f"it takes {listed(self.handles.known)}" if self.handles.known else "leave it out"
+            )
+            raise ExperimentError(
+                f"the problem has {listed(others)} of parameters, which {self.label} does not take",
+                advice=f"use ls, iv-full-rate or piv, or {able}",
+            ).about(others[0])
+        if not self.handles.weights and any(r.weights is not None for r in problem.recordings):
+            raise ExperimentError(
+                f"samples have weights, which {self.label} does not take",
+                advice="use ls, iv-full-rate or piv",
+            ).about("weights")
         computed = [r.name for r in problem.recordings if r.torque_source == "law"]
         if computed and not self.handles.computed_torque:
             raise IdentificationError(

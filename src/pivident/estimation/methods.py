@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pivident.estimation.method import Method
+from pivident.estimation.method import Estimator, Method
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.registry import Registry
 from pivident.robot.naming import nearest
@@ -46,13 +46,17 @@ METHODS: Registry[Method] = Registry(
 WITHOUT_TORQUE: tuple[str, ...] = ("cloe",)
 
 
-def method_named(method: Method | str) -> Method:
-    """A method, given itself or one of the names in ``METHODS``.
+def method_named(method: Method | Estimator | str) -> Method:
+    """A method, given itself, one of the names in ``METHODS``, or a function of Φ and τ.
 
     Raises:
         IdentificationError: there is no method of this name; names the nearest.
         BrokenExtension: another distribution declares it, and it cannot be used.
     """
+    if callable(method):
+        from pivident.estimation.own_estimate import OwnMethod
+
+        return OwnMethod(estimator=method)
     if not isinstance(method, str):
         return method
     if method not in METHODS:

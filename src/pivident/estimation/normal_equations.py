@@ -11,6 +11,8 @@ afterwards:
     θ = (Σ_j Zᵀ Φ / λ_j)⁻¹ Σ_j Zᵀ τ / λ_j             (D5)
     P = (Σ_j Zᵀ Z / λ_j)⁻¹                            (P-31), summed over samples
 
+What is known of the parameters beforehand restricts them, see `pivident.estimation.restrictions`.
+
 Products of few rows over many samples are too thin for libraries of linear algebra, which are made
 for large matrices. Here sixteen sums are formed at a time, four rows by four, so that each sample
 that is loaded serves four products; of a symmetric result only the lower half is formed.
@@ -27,6 +29,7 @@ from numba import njit
 from pivident.dynamics.separation import is_separated, refusal, weakest_direction
 from pivident.estimation.covariance import white_noise_covariance
 from pivident.estimation.covariance.windows import Share
+from pivident.estimation.restrictions import Freedom, Restrictions
 from pivident.foundation.errors import IdentificationError
 
 #: Rows that are multiplied with each other at a time.
@@ -144,6 +147,8 @@ class JointSums:
     window_zt: np.ndarray  # Zᵀ τ likewise, shape (windows, k)
     tt: float = 0.0  # τᵀ τ
     rows: int = 0  # number of samples used
+    weight: float = 0.0  # sum of their weights, as many as there are where none are given
+    left_out: bool = False  # whether no torque of the joint was measured
 
     @classmethod
     def empty(cls, name: str, columns: np.ndarray, windows: int = 0) -> JointSums:
@@ -162,29 +167,38 @@ class JointSums:
         tau: np.ndarray,
         used: np.ndarray | None,
         shares: Sequence[Share] = (),
+        weights: np.ndarray | None = None,
     ) -> None:
         """Add samples, time last.
 
         ``phi``: the joint's columns, shape (k, samples); ``z``: instruments of the same shape;
-        None: Z = Φ; ``used``: True where a sample is used, shape (samples,); None: all are.
+        None: Z = Φ; ``used``: True where a sample is used, shape (samples,); None: all are;
+        ``weights``: of the samples, likewise.
         """
         parts = [phi, tau[None]] if z is None else [phi, z, tau[None]]
-        self.add_stack(np.concatenate(parts), used, shares)
+        self.add_stack(np.concatenate(parts), used, shares, weights)
 
     def add_stack(
-        self, stack: np.ndarray, used: np.ndarray | None, shares: Sequence[Share] = ()
+        self,
+        stack: np.ndarray,
+        used: np.ndarray | None,
+        shares: Sequence[Share] = (),
+        weights: np.ndarray | None = None,
     ) -> None:
         """Add samples whose columns, instruments and torque stand in one array.
 
         ``stack``: the joint's columns, its instruments (none: Z = Φ) and the torque, one below the
         other, shape (k + 1, samples) or (2 k + 1, samples); overwritten; ``used``: True where a
-        sample is used, shape (samples,); None: all are.
+        sample is used, shape (samples,); None: all are; ``weights``: of the samples, likewise.
         """
         k, rows = self.columns.size, stack.shape[1]
         if used is not None and not used.all():
             # zeros add nothing to any sum, and cost less than picking the samples that are used
             stack *= used.astype(float)
             rows = int(np.count_nonzero(used))
+        self.weight += rows if weights is None else float(weights @ _ones(used, weights))
+        if weights is not None:
+            stack *= np.sqrt(weights)
         least_squares = len(stack) == k + 1
         phi, z = slice(0, k), slice(0, k) if least_squares else slice(k, 2 * k)
         parts = [share.part for share in shares] or [slice(None)]
@@ -219,8 +233,18 @@ class JointSums:
             self.ft / scale
         )
         remainder = self.tt - float(self.ft / scale @ solution)
-        freedom = max(self.rows - self.columns.size, 1)
-        return max(remainder, 1e-30 * max(self.tt, 1e-300)) / freedom
+        return self._variance(remainder)
+
+    def variance(self, theta: np.ndarray) -> float:
+        """λ: residual variance for all parameters ``theta``, with its degrees of freedom."""
+        return self._variance(self.residual_sum(theta))
+
+    def _variance(self, square: float) -> float:
+        """That of a row of weight one; one where there are no rows."""
+        if not self.rows:
+            return 1.0
+        freedom = max(self.rows - self.columns.size, 1) * self.weight / self.rows
+        return max(square, 1e-30 * max(self.tt, 1e-300)) / freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,59 +260,62 @@ class Solution:
 def solve(
     sums: Sequence[JointSums],
     variance: np.ndarray,
-    names: Sequence[str],
+    known: Restrictions | Sequence[str],
     weight_power: float = 1.0,
     checked: bool = False,
 ) -> Solution:
-    """θ = (Σ ZᵀΦ λ^-w)⁻¹ Σ Zᵀτ λ^-w and its covariance (Σ ZᵀZ/λ)⁻¹.
+    """θ = (Σ ZᵀΦ λ^-w)⁻¹ Σ Zᵀτ λ^-w and its covariance (Σ ZᵀZ/λ)⁻¹, as far as it is free.
 
-    ``checked``: what only noise separates is refused too, see `pivident.dynamics.separation`.
+    ``known``: restrictions of the parameters, or their names where there are none. The covariance
+    is that without bounds. ``checked``: what only noise separates is refused too, see
+    `pivident.dynamics.separation`.
     """
+    if not isinstance(known, Restrictions):
+        known = Restrictions.none(known)
     for joint in sums:
-        if joint.rows <= joint.columns.size:
+        if joint.rows <= joint.columns.size and not joint.left_out:
             raise IdentificationError(
                 f"joint {joint.name!r} has {joint.rows} usable rows for {joint.columns.size} "
                 "parameters: it hardly moves faster than the low-speed mask, or the record is "
                 "too short",
                 advice="lower the mask, take a longer record, or freeze the joint",
             )
-    size = len(names)
-    zf, ff = np.zeros((size, size)), np.zeros((size, size))
+    size = len(known.names)
+    zf, ff, zz = np.zeros((3, size, size))
     zt = np.zeros(size)
     for joint, lam in zip(sums, variance, strict=True):
         grid = np.ix_(joint.columns, joint.columns)
         zf[grid] += joint.zf / lam**weight_power
         zt[joint.columns] += joint.zt / lam**weight_power
         ff[grid] += joint.ff / lam
-    scale = _scales(ff)
+        zz[grid] += joint.zz / lam
+    freedom = known.freedom
+    own = freedom.reduced(ff + known.information)
+    scale = _scales(own)
     outer = np.outer(scale, scale)
-    weak = weakest_direction(ff / outer, names)
-    if weak is None or (checked and not is_separated(*_evidence(sums, size))):
-        raise refusal(*_evidence(sums, size), names)
+    names = [known.names[k] for k in freedom.free]
+    weak = weakest_direction(own / outer, names)
+    if weak is None or (checked and not is_separated(*_evidence(sums, freedom))):
+        raise refusal(*_evidence(sums, freedom), names)
     condition, weakest = weak
-    theta = np.linalg.solve(zf / outer, zt / scale) / scale
-    squares = [(joint.columns, joint.zz) for joint in sums]
-    return Solution(theta, white_noise_covariance(squares, variance, outer), condition, weakest)
+    squares = freedom.reduced(zz + known.information)
+    covariance = white_noise_covariance(squares, outer, freedom.basis)
+    return Solution(known.solve(zf, zt), covariance, condition, weakest)
 
 
 def joint_variances(sums: Sequence[JointSums], theta: np.ndarray) -> np.ndarray:
     """λ_j: residual variance of each joint at θ, with its degrees of freedom, shape (joints,)."""
-    return np.array(
-        [
-            max(s.residual_sum(theta), 1e-30 * max(s.tt, 1e-300)) / max(s.rows - s.columns.size, 1)
-            for s in sums
-        ]
-    )
+    return np.array([s.variance(theta) for s in sums])
 
 
 def weighted_solution(
-    sums: Sequence[JointSums], names: Sequence[str], start: np.ndarray, weight_power: float
+    sums: Sequence[JointSums], known: Restrictions, start: np.ndarray, weight_power: float
 ) -> tuple[Solution, np.ndarray]:
     """Solve with weights from the residual, twice, so that weights and estimate agree."""
     theta = start
     for number in range(3):
         variance = joint_variances(sums, theta)
-        solution = solve(sums, variance, names, weight_power, checked=number == 0)
+        solution = solve(sums, variance, known, weight_power, checked=number == 0)
         theta = solution.theta
     return solution, joint_variances(sums, theta)
 
@@ -306,12 +333,22 @@ def _scales(gram: np.ndarray) -> np.ndarray:
     return np.where(length > 0, length, 1.0)
 
 
-def _evidence(sums: Sequence[JointSums], size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Gram matrix of instruments of length one, weighted by the noise, and the torque in noise."""
-    gram, square = np.zeros((size, size)), np.zeros(size)
+def _ones(used: np.ndarray | None, like: np.ndarray) -> np.ndarray:
+    """One where a sample is used, zero elsewhere."""
+    return np.ones(like.size) if used is None else used.astype(float)
+
+
+def _evidence(sums: Sequence[JointSums], freedom: Freedom) -> tuple[np.ndarray, np.ndarray]:
+    """Gram matrix of instruments of length one, weighted by the noise, and the torque in noise.
+
+    Both of the directions that are free.
+    """
+    gram, square = freedom.information.copy(), np.zeros(freedom.free.size)
     for joint in sums:
-        noise = joint.own_variance()
-        gram[np.ix_(joint.columns, joint.columns)] += joint.zz / noise
-        square[joint.columns] += joint.tt / noise
+        if joint.rows:
+            noise = joint.own_variance()
+            gram[np.ix_(joint.columns, joint.columns)] += joint.zz / noise
+            square[freedom.basis[joint.columns].any(axis=0)] += joint.tt / noise
+    gram = freedom.reduced(gram)
     scale = _scales(gram)
     return gram / np.outer(scale, scale), np.sqrt(square)

@@ -10,7 +10,7 @@ from itertools import combinations
 
 from pivident.data.logs.torque_scale import OUTPUT_UNIT, is_ratio
 from pivident.estimation.identification import Identification
-from pivident.foundation.text.numbers import with_spread
+from pivident.foundation.text.numbers import format_significant, with_spread
 
 #: Estimates further apart than this many combined standard errors contradict each other.
 CONTRADICTION = 3.0
@@ -27,7 +27,7 @@ class ParameterRow:
     unit: str  # unit of the parameter
     expression: str  # its group written out
     truth: float = math.nan  # known value [unit], NaN where none is known
-    bound: str = ""  # ``low`` or ``high`` where a bound holds the estimate
+    bound: str = ""  # ``low`` or ``high`` where a bound holds the estimate, ``fixed`` where it is
 
     @property
     def relative_std(self) -> float:
@@ -65,6 +65,8 @@ class ParameterRow:
     @property
     def value_and_spread(self) -> tuple[str, str]:
         """Value and 2σ as text; the latter with a sign where the interval has that side only."""
+        if self.bound == "fixed":
+            return format_significant(self.value, 5), "fixed"
         value, spread = with_spread(self.value, 2.0 * self.std)
         return value, {"low": "+", "high": "−"}.get(self.bound, "") + spread
 
@@ -72,6 +74,8 @@ class ParameterRow:
     def in_words(self) -> str:
         """Value, 2σ and unit, such as ``1.2 ± 0.1 kg``, or ``0 +0.1 kg`` at a bound."""
         value, spread = self.value_and_spread
+        if self.bound == "fixed":
+            return f"{value} {self.unit} (fixed)"
         return f"{value} {'' if self.bound else '± '}{spread} {self.unit}"
 
     @property
@@ -112,6 +116,7 @@ def parameter_rows(
     simulation = identification.simulation
     held = set() if simulation is None else set(simulation.held)
     known = {name.lower(): float(value) for name, value in (truth or {}).items()}
+    fixed = identification.restrictions.is_fixed
     columns = zip(
         identification.names,
         identification.parameters,
@@ -120,7 +125,10 @@ def parameter_rows(
         identification.std,
         identification.method_std,
         identification.expressions,
-        identification.bound_sides,
+        (
+            "fixed" if own else side
+            for own, side in zip(fixed, identification.bound_sides, strict=True)
+        ),
         strict=True,
     )
     return tuple(

@@ -48,6 +48,7 @@ from pivident.estimation.iteration import (
     start_number,
 )
 from pivident.estimation.method import (
+    KNOWN,
     Arma,
     AutoRegressive,
     CovarianceKind,
@@ -163,6 +164,7 @@ class PrefilteredIV(InstrumentalMethod):
             law_choice=True,
             shape_constants=True,
             payload=free,
+            known=KNOWN if free else ("fixed", "bounds", "constraints"),
         )
 
     @property

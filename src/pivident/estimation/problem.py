@@ -15,9 +15,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pivident.data.logs.torque_scale import OUTPUT_UNIT, is_ratio
 from pivident.data.recording.checks import check_torques, check_within_reach
@@ -31,6 +32,9 @@ from pivident.dynamics.base_parameters import (
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
+from pivident.dynamics.separation import KIND
+from pivident.estimation.known_parameters import Equalities, KnownParameters, Priors
+from pivident.estimation.restrictions import Restrictions
 from pivident.foundation.errors import ExperimentError, IdentificationError, concerning
 from pivident.foundation.text.display import Printed
 from pivident.foundation.text.finding import Finding
@@ -40,9 +44,12 @@ from pivident.loop.motion.motion import SpeedLimits
 from pivident.loop.simulation.control_loop import Loop
 from pivident.loop.simulation.controllers import PythonController
 from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
 
 #: Share of the rated speed below which rows are excluded.
 LOW_SPEED = 0.01
+#: Fields of a problem that nothing is known beforehand of.
+NOTHING_KNOWN: dict[str, Any] = {"fixed": {}, "bounds": {}, "priors": (), "constraints": ()}
 #: Topic of the findings.
 TOPIC = "without torque"
 #: What every result of such a log says.
@@ -155,6 +162,18 @@ class Problem(Printed):
             1 %, for at standstill dry friction follows no law. None or 0: all rows are used.
         initial: starting values by parameter name; base parameters not named start at their
             nominal value, frictions at zero.
+        fixed: values by parameter name that are not estimated but known; ``description``: those
+            that the robot's description knows of the parameters that are not among
+            ``parameters``, which otherwise are zero.
+        bounds: least and largest value by parameter name, None for none, as in ``(0, None)``.
+        priors: expected value and standard deviation by parameter name, or `Prior`s with a
+            covariance; they count as further measurements.
+        weights: what samples count: a number by joint name, an array of shape (samples, joints), or
+            one such array for each recording, as the ``weights`` of `Recording`, where they are
+            kept. Zero leaves a sample out.
+        without_equation: names of joints whose motion counts, but whose torque does not.
+        constraints: linear equations, each as coefficients by parameter name and their value:
+            ``({"zz1r": 1.0, "ia1": -2.0}, 0.0)``.
         without_loop: why there is no loop, a sentence, where one was looked for.
         findings: what was decided about the model beforehand; every result repeats it.
     """
@@ -165,6 +184,16 @@ class Problem(Printed):
     parameters: tuple[str, ...] | None = None
     mask: Literal["auto"] | float | None = "auto"
     initial: Mapping[str, float] = field(default_factory=dict)
+    fixed: Mapping[str, float] | Literal["description"] = field(default_factory=dict, kw_only=True)
+    bounds: Mapping[str, tuple[float | None, float | None]] = field(
+        default_factory=dict, kw_only=True
+    )
+    priors: Priors = field(default=(), kw_only=True)
+    constraints: Equalities = field(default=(), kw_only=True)
+    weights: Mapping[str, float] | Sequence[ArrayLike] | np.ndarray | None = field(
+        default=None, kw_only=True
+    )
+    without_equation: tuple[str, ...] = field(default=(), kw_only=True)
     without_loop: str = ""
     findings: tuple[Finding, ...] = ()
 
@@ -185,13 +214,13 @@ class Problem(Printed):
                 check_within_reach("q_ref", recording.q_ref, self.robot)
         if self.loop is not None:
             self.loop.controller.check(self.robot.size - self.robot.base_joints)
+        self._weigh_samples()
         self._complete_torques()
         if isinstance(self.mask, (int, float)) and not 0 <= self.mask < 1:
             raise ExperimentError(f"mask is a share of the rated speed, 0 to 1, not {self.mask}")
         base = base_parameters(self.robot)
         object.__setattr__(self, "base", base)
-        with concerning("parameters"):
-            object.__setattr__(self, "selection", _selection(base, self.parameters))
+        self._settle_known(base)
         object.__setattr__(
             self,
             "regressor",
@@ -218,6 +247,36 @@ class Problem(Printed):
                     advice="load_recording reads one from a log",
                 )
 
+    def _weigh_samples(self) -> None:
+        """Weights and equations that are left out, as the recordings have them."""
+        joints = self.robot.joint_names
+        alone = self.without_equation
+        alone = (alone,) if isinstance(alone, str) else tuple(alone)
+        if strangers := [name for name in alone if name not in joints]:
+            raise ExperimentError(
+                f"there is no joint {strangers[0]!r}", advice=nearest(strangers[0], joints)
+            ).about("without_equation")
+        if set(alone) == set(joints):
+            raise ExperimentError("no joint has an equation", advice="keep at least one").about(
+                "without_equation"
+            )
+        object.__setattr__(self, "without_equation", alone)
+        if not alone and self.weights is None:
+            return
+        silent = np.array([name in alone for name in joints])
+        with concerning("weights"):
+            weights = _weights(self.weights, self.recordings, joints)
+        recordings = []
+        for recording, own in zip(self.recordings, weights, strict=True):
+            valid = np.ones(recording.q.shape, bool) if recording.valid is None else recording.valid
+            if own is not None:
+                valid = valid & (own != 0.0)
+                own = np.where(own == 0.0, 1.0, own)
+            own = recording.weights if own is None else own
+            recordings.append(replace(recording, valid=valid & ~silent, weights=own))
+        object.__setattr__(self, "recordings", tuple(recordings))
+        object.__setattr__(self, "weights", None)
+
     def _complete_torques(self) -> None:
         """The torque of the control law where none was logged, and what that leaves open."""
         made = tuple(with_law_torque(self.robot, self.loop, r) for r in self.recordings)
@@ -226,7 +285,58 @@ class Problem(Printed):
         object.__setattr__(self, "recordings", made)
         object.__setattr__(self, "findings", findings)
 
+    def _settle_known(self, base: BaseParameters) -> None:
+        """The parameters by their names in the robot's order, and what is known of them."""
+        with concerning("parameters"):
+            chosen = _selection(base, self.parameters)
+        fixed = self.fixed
+        if isinstance(fixed, str):
+            with concerning("fixed"):
+                fixed = _described(base, self.robot, chosen, fixed)
+        known = KnownParameters.of(base, fixed, self.bounds, self.priors, self.constraints)
+        own = {base.names[k] for k in chosen} | known.fixed.keys()
+        if strangers := sorted(known.names - own):
+            raise ExperimentError(
+                f"{listed(strangers)} should be restricted, but {strangers[0]} is not among the "
+                "parameters to estimate",
+                advice="name it under parameters, or leave out what is said of it",
+            ).about("parameters")
+        object.__setattr__(
+            self, "selection", tuple(k for k, n in enumerate(base.names) if n in own)
+        )
+        object.__setattr__(self, "known", known)
+        for name in ("fixed", "bounds", "priors", "constraints"):
+            object.__setattr__(self, name, getattr(known, name))
+        object.__setattr__(self, "restrictions", known.restrictions(self.names))
+
+    def estimating(self, names: Sequence[str], findings: Sequence[Finding] = ()) -> Problem:
+        """The problem of fewer parameters, with what is known of those that are left.
+
+        Args:
+            names: of the parameters to estimate; those that are fixed stay.
+            findings: what is to be said of it.
+
+        Raises:
+            ExperimentError: a parameter that is left out stands in a constraint or has a prior.
+        """
+        kept = {self.base.names[parameter_index(self.base, name)] for name in names}
+        gone = set(self.names) - kept - self.known.fixed.keys()
+        known = self.known.without(gone)
+        if (
+            len(known.priors) < len(self.known.priors)
+            or known.constraints != self.known.constraints
+        ):
+            raise ExperimentError(
+                f"{listed(sorted(gone))} should be left out, but a prior or a constraint is about "
+                "them",
+                advice="leave that out, or take a motion that separates them",
+            )
+        findings = (*self.findings, *findings)
+        return replace(self, parameters=tuple(names), bounds=known.bounds, findings=findings)
+
     base: BaseParameters = field(init=False, repr=False)
+    known: KnownParameters = field(init=False, repr=False)
+    restrictions: Restrictions = field(init=False, repr=False)
     selection: tuple[int, ...] = field(init=False, repr=False)
     regressor: Regressor = field(init=False, repr=False)
 
@@ -248,6 +358,19 @@ class Problem(Printed):
         """Their groups written out."""
         expressions = self.base.expressions
         return tuple(expressions[k] for k in self.selection)
+
+    @cached_property
+    def silent_joints(self) -> tuple[str, ...]:
+        """Joints without an equation: no recording has a torque of them that counts."""
+        heard = np.zeros(self.robot.size, bool)
+        for recording in self.recordings:
+            heard |= True if recording.valid is None else recording.valid.any(axis=0)
+        return tuple(n for n, own in zip(self.robot.joint_names, heard, strict=True) if not own)
+
+    @cached_property
+    def varying(self) -> np.ndarray:
+        """Which parameters are estimated rather than fixed, shape (parameters,)."""
+        return ~self.restrictions.is_fixed
 
     def speed_limits(self, recording: Recording) -> SpeedLimits:
         """Speeds below which samples of a recording are excluded."""
@@ -280,7 +403,10 @@ class Problem(Printed):
         with concerning("initial"):
             for name, value in self.initial.items():
                 values[parameter_index(self.base, name)] = float(value)
-        return values[list(self.selection)]
+        values, known = values[list(self.selection)], self.restrictions
+        values = np.clip(values, known.low, known.high)
+        values[known.is_fixed] = known.freedom.offset[known.is_fixed]
+        return values
 
 
 def _robot_of_torques(robot: Robot, recordings: Sequence[Recording]) -> Robot:
@@ -295,6 +421,79 @@ def _robot_of_torques(robot: Robot, recordings: Sequence[Recording]) -> Robot:
         f"recording {motor!r} has torques of the motors, but {others} of sensors behind the gears",
         advice='set torque_side = "link" in every recording, or in none',
     )
+
+
+def _weights(
+    given: Any, recordings: Sequence[Recording], joints: Sequence[str]
+) -> list[np.ndarray | None]:
+    """Weights of the samples of each recording, shape (samples, joints), None for all one."""
+    if given is None:
+        return [None] * len(recordings)
+    if isinstance(given, Mapping):
+        if strangers := [name for name in given if name not in joints]:
+            raise ExperimentError(
+                f"there is no joint {strangers[0]!r}", advice=nearest(strangers[0], joints)
+            )
+        row = np.array([float(given.get(name, 1.0)) for name in joints])
+        return [np.broadcast_to(row, recording.q.shape) for recording in recordings]
+    single = isinstance(given, np.ndarray) and given.ndim == 2
+    own = [given] if single else list(given)
+    if len(own) != len(recordings):
+        raise ExperimentError(
+            f"there are weights for {len(own)} recordings, and {len(recordings)} recordings",
+            advice="give an array of shape (samples, joints) for each, or a number by joint name",
+        )
+    found: list[np.ndarray | None] = []
+    for recording, weights in zip(recordings, own, strict=True):
+        array = None if weights is None else np.asarray(weights, float)
+        if array is not None and array.shape != recording.q.shape:
+            raise ExperimentError(
+                f"weights of recording {recording.name!r} have shape {array.shape}",
+                advice=f"its samples have shape {recording.q.shape}",
+            )
+        found.append(array)
+    return found
+
+
+def taken_as_zero(problem: Problem) -> tuple[Finding, ...]:
+    """What the description knows of parameters that the problem leaves out, for their results.
+
+    Those that the motion does not separate are not among them: others hold their part.
+    """
+    held = {n for f in problem.findings if f.kind == KIND for n in f.subject.split(", ")}
+    values = problem.base.values(nominal_values(problem.robot, problem.base.standard))
+    gone = [
+        f"{name} ({value:.4g} {parameter.unit})"
+        for name, value, parameter in zip(
+            problem.base.names, values, problem.base.parameters, strict=True
+        )
+        if value and name not in problem.names and name not in held
+    ]
+    if not gone:
+        return ()
+    text = (
+        f"Parameters that are not estimated are taken as zero. The description knows of them: "
+        f"{listed(gone)}."
+    )
+    step = 'To take the description\'s values set fixed = "description".'
+    return (Finding("note", "parameters", "taken as zero", text, next_step=step),)
+
+
+def _described(
+    base: BaseParameters, robot: Robot, chosen: Sequence[int], word: str
+) -> dict[str, float]:
+    """What the description knows of the parameters that are not chosen, zeros left out."""
+    if word != "description":
+        raise ExperimentError(
+            f"fixed is {word!r}", advice='give values by parameter name, or "description"'
+        )
+    if len(chosen) == len(base):
+        raise ExperimentError(
+            "the description's values are those of parameters that are not estimated, but all are",
+            advice="name the parameters to estimate",
+        )
+    values = base.values(nominal_values(robot, base.standard))
+    return {n: float(values[k]) for k, n in enumerate(base.names) if k not in chosen and values[k]}
 
 
 def torque_units(problem: Problem) -> list[str]:

@@ -42,6 +42,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_record import EquationRecord, JointColumns
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.restrictions import Freedom
 from pivident.foundation.distributions import fisher
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import As, Limits, Sized
@@ -114,7 +115,7 @@ class Equations:
                 yield Block(number, span, rows)
 
     def _weighted(self, j: int, columns: JointColumns, used: np.ndarray) -> JointRows:
-        """Weights on both sides, and zeros where a sample is not used."""
+        """Weights on both sides; ``used``: roots of those of the rows, zero where not used."""
         phi, z, extra, tau = columns
         root = np.sqrt(self.variance[j])
         left = used / root
@@ -125,7 +126,7 @@ class Equations:
             (phi if z is None else z) * right,
             None if extra is None else extra * right,
             tau * left,
-            used,
+            used > 0,
         )
 
 
@@ -208,8 +209,11 @@ class ExogeneityTest:
         )
 
 
-def durbin_wu_hausman(sums: Sequence[JointSums], variance: np.ndarray, size: int) -> ExogeneityTest:
-    """Test on the normal equations of all joints, whose columns are whitened."""
+def durbin_wu_hausman(
+    sums: Sequence[JointSums], variance: np.ndarray, freedom: Freedom
+) -> ExogeneityTest:
+    """Test on the normal equations of all joints, whose columns are whitened, as far as free."""
+    size, free = freedom.basis.shape
     gram, right = np.zeros((2 * size, 2 * size)), np.zeros(2 * size)
     total, rows = 0.0, 0
     for joint, lam in zip(sums, variance, strict=True):
@@ -217,20 +221,23 @@ def durbin_wu_hausman(sums: Sequence[JointSums], variance: np.ndarray, size: int
         block = np.block([[joint.ff, joint.zf.T], [joint.zf, joint.zz]])
         gram[np.ix_(both, both)] += block / lam
         right[both] += np.r_[joint.ft, joint.zt] / lam
-        total += joint.tt / lam
+        total += joint.residual_sum(freedom.offset) / lam
         rows += joint.rows
+    both = np.kron(np.eye(2), freedom.basis)
+    right = both.T @ (right - gram[:, :size] @ freedom.offset)
+    gram, size = both.T @ gram @ both, free
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     gram, right = gram / np.outer(scale, scale), right / scale
     explained, rank = _explained(gram[:size, :size], right[:size])
     more, larger_rank = _explained(gram, right)
     directions = max(larger_rank - rank, 1)
-    freedom = max(rows - larger_rank, 1)
-    statistic = max(more - explained, 0.0) / directions / max((total - more) / freedom, 1e-300)
+    left = max(rows - larger_rank, 1)
+    statistic = max(more - explained, 0.0) / directions / max((total - more) / left, 1e-300)
     return ExogeneityTest(
         float(statistic),
         directions,
-        freedom,
-        float(fisher.sf(statistic, directions, freedom)),
+        left,
+        float(fisher.sf(statistic, directions, left)),
     )
 
 

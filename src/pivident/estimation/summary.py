@@ -158,6 +158,7 @@ def identification_table(
     parts += filter(None, [simulation_text(identification)])
     lines = [
         std_line([identification]),
+        *identification.known.sentences(),
         range_line(ranges),
         rows_line(identification),
         signals_line(identification),

@@ -56,6 +56,13 @@ def save(result: Identification, folder: Any) -> None:
     save_identification(result, folder)
 
 
+def own_estimate(problem: Any, theta: Any, covariance: Any, **options: Any) -> Identification:
+    """The result that parameters are, whoever found them."""
+    from pivident.estimation.own_estimate import own_estimate
+
+    return own_estimate(problem, theta, covariance, **options)
+
+
 def design_text(design: Design) -> str:
     """A designed motion in words."""
     from pivident.studies.excitation.account import design_text

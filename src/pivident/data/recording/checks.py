@@ -122,6 +122,17 @@ def check_finite(channel: str, values: np.ndarray, joint_names: Sequence[str]) -
             raise NonFiniteSamples(channel, joint_names[j], int(bad[0]), bad.size)
 
 
+def check_weights(weights: np.ndarray, joint_names: Sequence[str]) -> None:
+    """Refuse weights that are not positive numbers; weights (samples, joints)."""
+    bad = np.argwhere(~(np.isfinite(weights) & (weights > 0.0)))
+    if bad.size:
+        k, j = bad[0]
+        raise RecordingError(
+            f"the weight of {joint_names[j]} at sample {k} is {weights[k, j]:g}",
+            advice="weights are finite and above zero; leave samples out with valid",
+        ).about("weights")
+
+
 def check_changing(channel: str, values: np.ndarray, joint_names: Sequence[str]) -> None:
     """Refuse a channel that never changes; values (samples, joints)."""
     constant = np.flatnonzero(values.min(axis=0) == values.max(axis=0))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Integral
-from typing import Any, Unpack, get_args
+from typing import Any, Literal, Unpack, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,6 +30,7 @@ from pivident.data.recording.checks import (
     one_column,
     settled,
 )
+from pivident.data.recording.usable_samples import leave_out_missing
 from pivident.foundation.errors import RecordingError, require_kind
 from pivident.foundation.text.display import Printed
 from pivident.foundation.text.printable import is_printable
@@ -95,6 +96,9 @@ class Recording(Printed):
         wrench_torque: torque at the joints that they stand for, Σ Jᵀ f at the instants of the
             samples, shape (samples, joints) [N m or N], or None. It is no part of ``tau``, which is
             that of the motors; the equations of motion have the sum of both.
+        weights: what each sample counts in a joint's equation, shape (samples, joints), above
+            zero: the inverse of its variance, relative to that of a sample of weight one; None: all
+            one.
         valid: True for samples that may stand in a joint's equation, shape (samples, joints); None:
             all of them. The others were no measurement and have been filled.
 
@@ -136,6 +140,7 @@ class Recording(Printed):
     wrenches: tuple[MeasuredWrench, ...] = field(default=(), kw_only=True)
     wrench_torque: np.ndarray | None = field(default=None, kw_only=True)
     valid: np.ndarray | None = field(default=None, kw_only=True)
+    weights: np.ndarray | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
@@ -150,6 +155,8 @@ class Recording(Printed):
         settle(self, "inputs", {key: settled(key, value) for key, value in self.inputs.items()})
         if self.valid is not None:
             settle(self, "valid", np.asarray(self.valid, bool))
+        if self.weights is not None:
+            settle(self, "weights", settled("weights", self.weights))
         self._check()
 
     def _check(self) -> None:
@@ -168,20 +175,27 @@ class Recording(Printed):
         channels = {"tau": self.tau} | self.channels()
         if self.wrench_torque is not None:
             channels["wrench_torque"] = self.wrench_torque
-        masks = {} if self.valid is None else {"valid": self.valid}
+        masks = {k: x for k in ("valid", "weights") if (x := getattr(self, k)) is not None}
         for channel, values in (channels | masks).items():
             checks.check_shape(channel, values, (*self.q.shape[:1], self.joints))
         timestamps.check_length(self.samples)
         for channel, values in channels.items():
             checks.check_finite(channel, values, self.joint_names)
+        if self.weights is not None:
+            checks.check_weights(self.weights, self.joint_names)
         if not self.allow_constant:
             checks.check_changing("q", self.q, self.joint_names)
         if self.torque_source != "measured":
             return  # a law is constant and cut off where it commands so
+        # a joint whose torque nobody measured has none that could be wrong
+        own = np.arange(self.joints)
+        if self.valid is not None:
+            own = np.flatnonzero(self.valid.any(axis=0))
         if not self.allow_constant:
-            checks.check_changing("tau", self.tau, self.joint_names)
+            checks.check_changing("tau", self.tau[:, own], [self.joint_names[j] for j in own])
         if self.saturation == "refuse":
-            checks.check_not_saturated("tau", self.tau, self.q, self.joint_names)
+            names = [self.joint_names[j] for j in own]
+            checks.check_not_saturated("tau", self.tau[:, own], self.q[:, own], names)
 
     def _check_options(self) -> None:
         """Refuse rates, times and choices that mean nothing."""
@@ -262,6 +276,7 @@ class Recording(Printed):
             inputs={key: values[:, joints:] for key, values in self.inputs.items()},
             wrench_torque=None if self.wrench_torque is None else self.wrench_torque[:, joints:],
             valid=None if self.valid is None else self.valid[:, joints:],
+            weights=None if self.weights is None else self.weights[:, joints:],
         )
 
     def with_reference_of(self, driven: Recording) -> Recording:
@@ -374,6 +389,7 @@ class Recording(Printed):
             wrenches=tuple(replace(w, values=w.values[start:stop]) for w in self.wrenches),
             wrench_torque=None if self.wrench_torque is None else self.wrench_torque[start:stop],
             valid=None if self.valid is None else self.valid[start:stop],
+            weights=None if self.weights is None else self.weights[start:stop],
             start_time=self.start_time + start / self.rate,
             allow_constant=True,
             saturation="allow",
@@ -427,6 +443,7 @@ class Recording(Printed):
         allow_constant: bool = False,
         saturation: Saturation = "refuse",
         notes: Sequence[str] = (),
+        gaps: Literal["refuse", "leave out"] = "refuse",
     ) -> Recording:
         """A recording from arrays in SI units on the joint side.
 
@@ -457,6 +474,9 @@ class Recording(Printed):
             allow_constant: whether a joint may stand still, or its torque be constant.
             saturation: ``refuse`` or ``allow`` torques that are cut off at a limit.
             notes: how the samples came about, in sentences.
+            gaps: samples that are NaN are refused, or filled for the filters and left out of the
+                equations: a torque of that joint's, a position of all. A joint without any torque
+                then has no equation.
 
         Returns:
             The recording; arrays that are float64, in C order and read-only are not copied.
@@ -471,6 +491,10 @@ class Recording(Printed):
             ('joint_1', 'joint_2')
         """
         require_kind("inputs", inputs or {}, Mapping, "give arrays by name")
+        if gaps not in ("refuse", "leave out"):
+            raise RecordingError(
+                f"gaps is {gaps!r}", advice='choose "refuse" or "leave out"'
+            ).about("gaps")
         source: TorqueSource = "none" if tau is None else "measured"
         given = {
             "q": q, "tau": np.zeros(np.shape(q)) if tau is None else tau, "q_ref": q_ref,
@@ -480,13 +504,18 @@ class Recording(Printed):
             key: one_column(key, x) for key, x in given.items() if x is not None
         }
         joints = signals["q"].shape[-1] if signals["q"].ndim else 1
+        names = tuple(joint_names or numbered_joints(joints))
+        usable = None if valid is None else one_column("valid", valid)
+        if gaps == "leave out":
+            found, left_out = leave_out_missing(signals, names, rate)
+            usable, notes = found if usable is None else found & usable, (*notes, *left_out)
         return cls(
             name=name,
-            joint_names=tuple(joint_names or numbered_joints(joints)),
+            joint_names=names,
             rate=rate,
             **signals,
             inputs={key: one_column(key, x) for key, x in (inputs or {}).items()},
-            valid=None if valid is None else one_column("valid", valid),
+            valid=usable,
             control_rate=control_rate,
             torque_timing=torque_timing,
             delay=delay,

@@ -90,6 +90,39 @@ def fill_unusable(logged: dict[str, np.ndarray], joint_names: Sequence[str], joi
     return Usable(positions, torque)
 
 
+def leave_out_missing(
+    channels: dict[str, np.ndarray], joint_names: Sequence[str], rate: float
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Fill what is NaN in arrays of one clock.
+
+    Args:
+        channels: by name, shape (samples, joints); changed in place.
+        joint_names: names of the joints.
+        rate: sampling rate [Hz].
+
+    Returns:
+        Samples that may stand in a joint's equation, shape (samples, joints), and what was left
+        out, in sentences.
+
+    Raises:
+        NonFiniteSamples: most samples of a channel are NaN.
+        BrokenMotion: positions are not known for longer than `MAX_FILLED`.
+    """
+    channels["tau"] = tau = np.array(channels["tau"], float)
+    silent = ~np.isfinite(tau).any(axis=0)
+    tau[:, silent] = 0.0
+    check_unbroken(channels["q"], np.arange(len(tau)) / rate, None)
+    notes = [
+        f"The torque of {joint_names[j]} is not known." for j in np.flatnonzero(silent).tolist()
+    ]
+    for name, values in channels.items():
+        for j in np.flatnonzero(~np.isfinite(values).all(axis=0)).tolist():
+            fault = BadSamples("missing", name, j, np.flatnonzero(~np.isfinite(values[:, j])))
+            notes += left_out_sentences([fault], joint_names, len(tau))
+    usable = fill_unusable(channels, joint_names, len(joint_names))
+    return usable.positions[:, None] & usable.torque & ~silent, tuple(notes)
+
+
 def check_unbroken(q: np.ndarray, t: np.ndarray, part: Sequence[float] | None) -> None:
     """Refuse positions that jump or are not known for long.
 

@@ -7,8 +7,6 @@ estimate: an `Identification` takes its covariances through :func:`rounded_away`
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-
 import numpy as np
 
 #: Most negative eigenvalue of correlations that stays: the rounding of eigenvalues themselves.
@@ -27,20 +25,13 @@ def inverse_gram(gram: np.ndarray) -> np.ndarray:
     return half.T @ half
 
 
-def white_noise_covariance(
-    squares: Iterable[tuple[np.ndarray, np.ndarray]],
-    variance: Sequence[float] | np.ndarray,
-    scale: np.ndarray,
-) -> np.ndarray:
-    """(Σ_j Z_jᵀ Z_j/λ_j)⁻¹ (P-31), solved in units in which the columns are of equal size.
+def white_noise_covariance(gram: np.ndarray, scale: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """N (Nᵀ (Σ_j Z_jᵀ Z_j/λ_j + Λ) N)⁻¹ Nᵀ, (P-31), solved with columns of equal size.
 
-    ``squares``: columns of each joint and its ZᵀZ; ``variance``: λ; ``scale``: product of the
-    columns' sizes, (parameters, parameters).
+    ``gram``: Nᵀ (Σ_j Z_jᵀ Z_j/λ_j + Λ) N; ``scale``: product of the sizes of its columns,
+    likewise (free, free); ``basis``: N, the identity where nothing is known beforehand.
     """
-    total = np.zeros_like(scale)
-    for (columns, own), lam in zip(squares, variance, strict=True):
-        total[np.ix_(columns, columns)] += own / lam
-    return inverse_gram(total / scale) / scale
+    return basis @ (inverse_gram(gram / scale) / scale) @ basis.T
 
 
 def rounded_away(matrix: np.ndarray) -> np.ndarray:

@@ -6,6 +6,9 @@
 of the share that the estimate itself took from them). Within a window any correlation and any
 change of the variance is allowed; windows are longer than the correlation.
 
+Where parameters are restricted, Z N and Φ N stand in place of Z and Φ, and a prior adds what it
+does not know itself, see `pivident.estimation.restrictions`.
+
 How sure a variance from windows is depends on how many of them tell the parameter: with shares w_k
 of what is known about it, ν = (Σ w_k)²/Σ w_k², less what neighbours have in common.
 """
@@ -19,6 +22,7 @@ import numpy as np
 
 from pivident.estimation.covariance.windows import OVERLAP, freedom
 from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.restrictions import Freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +31,12 @@ class Jackknife:
 
     steps: np.ndarray  # θ₍ₖ₎ - θ up to the sign, shape (windows, parameters)
     degrees_of_freedom: np.ndarray  # ν of each parameter's variance, shape (parameters,)
+    of_prior: np.ndarray | float = 0.0  # part of P that is the prior's, (parameters, parameters)
 
     @property
     def covariance(self) -> np.ndarray:
         """P, shape (parameters, parameters)."""
-        return self.steps.T @ self.steps / OVERLAP
+        return self.steps.T @ self.steps / OVERLAP + self.of_prior
 
 
 def jackknife(
@@ -39,15 +44,26 @@ def jackknife(
     theta: np.ndarray,
     variance: np.ndarray,
     weight_power: float = 1.0,
+    freedom: Freedom | None = None,
 ) -> Jackknife:
-    """The windows of an estimate."""
+    """The windows of an estimate; ``freedom``: of its parameters, None: all are free."""
     count, size = len(sums[0].window_zf), theta.size
     zf, scores = np.zeros((count, size, size)), np.zeros((count, size))
     for joint, lam in zip(sums, np.asarray(variance) ** weight_power, strict=True):
         own = joint.columns
         zf[:, own[:, None], own] += joint.window_zf / lam
         scores[:, own] += (joint.window_zt - joint.window_zf @ theta[own]) / lam
-    return jackknife_of(zf, scores, zf.sum(axis=0))
+    if freedom is None:
+        return jackknife_of(zf, scores, zf.sum(axis=0))
+    own, total = freedom.reduced(zf), zf.sum(axis=0)
+    found = jackknife_of(own, scores @ freedom.basis, freedom.reduced(total + freedom.information))
+    bread, basis = freedom.bread(total), freedom.basis
+    certain = np.where(basis != 0.0, found.degrees_of_freedom, np.inf).min(axis=1, initial=np.inf)
+    return Jackknife(
+        found.steps @ basis.T,
+        np.minimum(certain, found.degrees_of_freedom.max(initial=1.0)),
+        bread @ freedom.information @ bread.T,
+    )
 
 
 def jackknife_of(zf: np.ndarray, scores: np.ndarray, total: np.ndarray) -> Jackknife:
@@ -68,6 +84,7 @@ def sandwich(
     theta: np.ndarray,
     variance: np.ndarray,
     weight_power: float = 1.0,
+    freedom: Freedom | None = None,
 ) -> np.ndarray:
     """Covariance of the estimate, shape (parameters, parameters)."""
-    return jackknife(sums, theta, variance, weight_power).covariance
+    return jackknife(sums, theta, variance, weight_power, freedom).covariance

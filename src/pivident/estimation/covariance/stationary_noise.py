@@ -47,6 +47,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.sandwich import Jackknife
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.restrictions import Freedom
 from pivident.foundation.distributions import fisher
 from pivident.foundation.threads import run_in_threads
 from pivident.loop.motion.motion import MOTION_BAND, packed_stretch
@@ -84,19 +85,20 @@ def stationary_covariance(
     sums: Sequence[JointSums],
     variance: np.ndarray,
     residuals: Sequence[np.ndarray],
+    freedom: Freedom,
 ) -> np.ndarray:
     """Covariance of the estimate, shape (parameters, parameters).
 
-    ``residuals``: filtered residuals of each recording over √λ, shape (joints, samples).
+    ``residuals``: filtered residuals of each recording over √λ, shape (joints, samples);
+    ``freedom``: of the parameters.
     """
     size = len(regressor.parameters)
     gradient = np.zeros((size, size))
     for joint, lam in zip(sums, variance, strict=True):
         gradient[np.ix_(joint.columns, joint.columns)] += joint.zf / lam
-    scale = np.sqrt(np.maximum(np.abs(np.diag(gradient)), 1e-300))
-    inverse = np.linalg.inv(gradient / np.outer(scale, scale)) / np.outer(scale, scale)
+    inverse = freedom.bread(gradient)
     scores = score_variance(regressor, records, filters, sums, variance, residuals, inverse)
-    return inverse @ scores @ inverse.T
+    return inverse @ (scores + freedom.information) @ inverse.T
 
 
 def covariance_by_test(stationary: np.ndarray, windows: Jackknife) -> np.ndarray:
@@ -144,6 +146,8 @@ def score_variance(
                 used = record.used[j, span].astype(float)
                 z = streams[j].process(packed[own], seen=record.seen[j, span])
                 z *= used / np.sqrt(variance[j])
+                if record.row_weights is not None:  # the residual has the other half of them
+                    z *= np.sqrt(record.row_weights[j, span])
                 spectra[j].add(z[None], (residual[j, span] * used)[None], used[None])
 
             run_in_threads(add, range(len(sums)))

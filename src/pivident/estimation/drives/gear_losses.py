@@ -24,7 +24,7 @@ from pivident.estimation.full_rate import valid_samples
 from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.problem import Problem
+from pivident.estimation.problem import NOTHING_KNOWN, Problem
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.foundation.text.display import Displayed
@@ -82,7 +82,9 @@ def identify_gears(
         replace(r, tau=own, torque_side="link", torque_scale=())
         for r, own in zip(problem.recordings, sensors, strict=True)
     )
-    link = replace(problem, recordings=behind, loop=None, parameters=None, initial={})
+    link = replace(
+        problem, recordings=behind, loop=None, parameters=None, initial={}, **NOTHING_KNOWN
+    )
     found = identify(link, "ls", lambda line: say(f"sensors: {line}"))
     regressor = narrowed(link, found).regressor
     count = WINDOWS * len(behind)

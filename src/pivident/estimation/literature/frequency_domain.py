@@ -120,7 +120,7 @@ class FrequencyDomain(Method):
 
     label: ClassVar[str] = "IDIM-FD"
     summary: ClassVar[str] = "on the lines of a periodic motion"
-    handles: ClassVar[Handles] = Handles(wrenches=False)
+    handles: ClassVar[Handles] = Handles(wrenches=False, weights=False)
     filters_positions: ClassVar[bool] = False
     of_computed_torque: ClassVar[tuple[Finding, ...]] = (BIASED,)
 
@@ -151,7 +151,7 @@ class FrequencyDomain(Method):
             records = [_record(problem, p, w, load) for p, w in zip(made, weights, strict=True)]
             sums = accumulate(problem.regressor, records, ())
             variance = np.array([s.own_variance() for s in sums]) if number == 1 else variance
-            solution = solve(sums, variance, problem.names)
+            solution = solve(sums, variance, problem.restrictions)
             last, theta = theta, solution.theta
             step = np.abs(theta - last)
             settled = step <= method.tolerance * np.sqrt(np.diag(solution.covariance))
@@ -163,7 +163,7 @@ class FrequencyDomain(Method):
                 weights, variance = _weights(problem, made, theta)
         excess = _excess(problem, sums, records, theta, variance)
         variance = variance * np.maximum(1.0, excess)
-        solution = solve(sums, variance, problem.names)
+        solution = solve(sums, variance, problem.restrictions)
         estimate = Estimate(
             number,
             theta,

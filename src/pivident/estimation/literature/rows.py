@@ -13,7 +13,7 @@ feedback loop.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -25,9 +25,10 @@ from pivident.estimation.covariance.windows import Share, windows_of
 from pivident.estimation.identification import Identification
 from pivident.estimation.iteration import Run, solved_otherwise
 from pivident.estimation.least_squares import least_squares_start
-from pivident.estimation.method import Method, Refit, Say
+from pivident.estimation.method import Handles, Method, Refit, Say
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.problem import BIASED, Problem
+from pivident.estimation.problem import BIASED, NOTHING_KNOWN, Problem
+from pivident.estimation.restrictions import Freedom
 from pivident.estimation.solved_equations import Equations
 from pivident.foundation.options import option
 from pivident.foundation.text.display import Displayed
@@ -90,6 +91,22 @@ class Rows(Displayed):
             joints.append(JointRows(name, own[0].columns, phi, tau, used))
         root = np.sqrt(equations.variance)
         return cls(tuple(joints), equations.size, root, tuple(equations.lengths))
+
+    def without(self, freedom: Freedom) -> Rows:
+        """Rows of the free columns alone, τ without what the others make of it.
+
+        Args:
+            freedom: of parameters that are free or fixed.
+        """
+        place = np.full(self.size, -1)
+        place[freedom.free] = np.arange(freedom.free.size)
+        joints = []
+        for own in self.joints:
+            free = place[own.columns] >= 0
+            tau = own.tau - freedom.offset[own.columns] @ own.phi
+            columns = place[own.columns[free]]
+            joints.append(replace(own, columns=columns, phi=own.phi[free], tau=tau))
+        return replace(self, joints=tuple(joints), size=freedom.free.size)
 
     @property
     def count(self) -> int:
@@ -230,11 +247,24 @@ class Noticed(Displayed):
     solved: Solved
     findings: tuple[Finding, ...] = ()
 
+    def along(self, freedom: Freedom) -> Noticed:
+        """The same of all parameters, of which those in the solution are free."""
+        basis, own = freedom.basis, self.solved
+        made = replace(
+            own,
+            theta=freedom.offset + basis @ own.theta,
+            covariance=basis @ own.covariance @ basis.T,
+            robust=basis @ own.robust @ basis.T,
+            iterations=freedom.offset + own.iterations @ basis.T,
+        )
+        return replace(self, solved=made)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Regression(Method):
     """A method of the rows of the equations alone."""
 
+    handles: ClassVar[Handles] = Handles(known=("fixed",))
     refit: ClassVar[Refit] = "rows"
     of_computed_torque: ClassVar[tuple[Finding, ...]] = (BIASED,)
 
@@ -252,6 +282,21 @@ class Regression(Method):
         """
         raise NotImplementedError(f"{type(self).__name__} has no solve()")
 
+    def solve_free(self, problem: Problem, rows: Rows, start: np.ndarray) -> Noticed:
+        """The same where some values are known: of the others, with what is left of τ.
+
+        Args:
+            problem: what is estimated.
+            rows: the equations, weighted by 1/√λ_j.
+            start: least squares, shape (parameters,).
+        """
+        if not problem.fixed:
+            return self.solve(problem, rows, start)
+        freedom = problem.restrictions.freedom
+        names = tuple(problem.names[k] for k in freedom.free)
+        free = replace(problem, parameters=names, **NOTHING_KNOWN)
+        return self.solve(free, rows.without(freedom), start[freedom.free]).along(freedom)
+
     def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
         """Least squares, whose equations are solved once more by the method."""
         _, start = least_squares_start(problem, self, say)
@@ -260,7 +305,7 @@ class Regression(Method):
             problem.regressor, tuple(start.records), tuple(filters), start.variance
         )
         say(f"{self.label}: solving")
-        noticed = self.solve(problem, Rows.of(equations), start.theta)
+        noticed = self.solve_free(problem, Rows.of(equations), start.theta)
         solved = noticed.solved
         estimate, history = solved_otherwise(
             start, solved.theta, solved.covariance, solved.condition, solved.iterations

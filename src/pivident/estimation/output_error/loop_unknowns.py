@@ -6,7 +6,7 @@ What a simulation is fitted by: unknowns of a loop, with their bounds.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ class Unknown:
         direction: what it is in a simulated loop.
         low: the smallest value that it may take [unit].
         high: the largest one [unit].
+        held: whether its value is known.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Unknown:
     direction: Direction
     low: float = -np.inf
     high: float = np.inf
+    held: bool = False
 
     def __post_init__(self) -> None:
         if not self.low < self.high:
@@ -82,9 +84,10 @@ def model_unknowns(problem: Problem) -> list[Unknown]:
     unknowns = []
     for name, p in zip(problem.names, problem.regressor.parameters, strict=True):
         friction = p.friction is not None or p.stem in ("fvm", "fcm")
-        low = 0.0 if friction and p.is_dissipative else -np.inf
-        unknowns.append(Unknown(name, p.unit, Direction("parameter", p.name), low))
-    return unknowns
+        held = name in problem.known.fixed
+        low = 0.0 if friction and p.is_dissipative and not held else -np.inf
+        unknowns.append(Unknown(name, p.unit, Direction("parameter", p.name), low, held=held))
+    return within_bounds(unknowns, problem.known.bounds)
 
 
 def loop_unknowns(problem: Problem, loop: ParametrisedLoop, names: Sequence[str]) -> list[Unknown]:
@@ -124,7 +127,7 @@ def within_bounds(
                 f"bounds names {name!r}, which is not sought", advice=nearest(name, list(names))
             ).about("bounds")
         own = made[names[name]]
-        made[names[name]] = Unknown(own.name, own.unit, own.direction, low, high)
+        made[names[name]] = replace(own, low=low, high=high)
     return made
 
 

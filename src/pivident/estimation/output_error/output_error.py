@@ -207,6 +207,8 @@ class OutputError(IteratedMethod):
             computed_torque=not is_open and self.compares == "positions",
             no_controller=is_open,
             no_reference=is_open,
+            known=("fixed", "bounds"),
+            weights=False,
         )
 
     @property
@@ -382,7 +384,7 @@ def _result(method: OutputError, fit: SimulationFit, count: int) -> SimulationRe
             for k, own in enumerate(fit.unknowns)
             if k >= count
         ),
-        held=tuple(names[k] for k in np.flatnonzero(fit.held)),
+        held=_held_names(fit),
         at_bound=tuple(names[k] for k in np.flatnonzero(fit.bound)),
         bound_sides=tuple(_side(fit, int(k)) for k in np.flatnonzero(fit.bound)),
         noise_orders=fit.noise.orders,
@@ -396,9 +398,14 @@ def _side(fit: SimulationFit, k: int) -> Literal["low", "high"]:
     return "low" if abs(fit.values[k] - own.low) <= abs(fit.values[k] - own.high) else "high"
 
 
+def _held_names(fit: SimulationFit) -> tuple[str, ...]:
+    """Unknowns that nothing determines; those whose values are known are not among them."""
+    return tuple(fit.unknowns[k].name for k in np.flatnonzero(fit.held) if not fit.unknowns[k].held)
+
+
 def _undetermined(fit: SimulationFit) -> list[Finding]:
     """Unknowns that were held since nothing determines them."""
-    names = [fit.unknowns[k].name for k in np.flatnonzero(fit.held)]
+    names = _held_names(fit)
     if not names:
         return []
     verb = "is" if len(names) == 1 else "are"

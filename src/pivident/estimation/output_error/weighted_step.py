@@ -79,7 +79,7 @@ class WeightedSteps:
         self.stretches, self.unknowns, self.options = stretches, unknowns, options
         self.low = np.array([u.low for u in unknowns])
         self.high = np.array([u.high for u in unknowns])
-        self.held = np.zeros(len(unknowns), bool)
+        self.held = np.array([u.held for u in unknowns], bool)
         #: What was declared, the loop, is held rather than a parameter of the model.
         self.declared = np.array([u.direction.kind != "parameter" for u in unknowns])
 

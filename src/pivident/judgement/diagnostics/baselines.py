@@ -16,7 +16,7 @@ from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.method import Method
-from pivident.estimation.problem import Problem
+from pivident.estimation.problem import NOTHING_KNOWN, Problem
 from pivident.foundation.errors import PividentError
 from pivident.judgement.validation.held_out.cross_validation import CrossValidation, judged_on
 from pivident.judgement.validation.held_out.folds import JudgedMotion
@@ -96,7 +96,7 @@ def _plain_law(
     robot = problem.robot
     if robot.torque_side == "motor" and not robot.base_joints:
         robot = robot.with_friction(DEFAULT_FRICTION)
-    plain = replace(problem, robot=robot, parameters=None, initial={}, loop=None)
+    plain = replace(problem, robot=robot, parameters=None, initial={}, loop=None, **NOTHING_KNOWN)
     return judged_on(
         replace(motion, problem=plain), method, folds, gap, None, lambda line: None
     ).prediction

@@ -122,7 +122,7 @@ def diagnose(
     Args:
         problem: what was given.
         identifications: results by short name.
-        methods: how they were made, by the same names; None: the ready ones of these names.
+        methods: how they were made, by the same names; None: what the results say.
         folds: blocks of the motion that are held out in turn; 0: none.
         gap: left out on either side of a block [s]; None: see ``cross_validate``.
         recordings: other recordings of the robot; they are judged on in place of blocks.
@@ -138,7 +138,9 @@ def diagnose(
     """
     require_kind("identifications", identifications, Mapping, 'give them by name, {"ls": result}')
     say = progress or (lambda line: None)
-    methods = METHODS.usable() if methods is None else methods
+    if methods is None:
+        own = {name: found.method_used for name, found in identifications.items()}
+        methods = METHODS.usable() | {name: m for name, m in own.items() if m is not None}
     if unknown := sorted(identifications.keys() - methods.keys()):
         raise ExperimentError(
             f"there is no method for the results {', '.join(unknown)}",

@@ -133,7 +133,7 @@ def much_wider(
     Returns:
         Width over that of the interval, and the range.
     """
-    interval = dict(zip(result.names, 4.0 * np.maximum(result.std, 1e-300), strict=True))
+    interval = dict(zip(result.names, 4.0 * np.maximum(result.free_std, 1e-300), strict=True))
     wide: dict[str, tuple[float, ParameterRange]] = {}
     for own in ranges:
         width = own.high - own.low

@@ -192,7 +192,7 @@ def _edit(edit: Edit, problem: Problem) -> Problem:
         case ("robot", "gravity"):
             return replace(problem, robot=problem.robot.with_gravity(np.array(value, float)))
         case ("identify", "parameters"):
-            return replace(problem, parameters=tuple(value))
+            return problem.estimating(value)
         case (*table, "part") if table[:1] == list(RECORDING):
             parts = tuple(r.slice(*value) for r in problem.recordings)
             return replace(problem, recordings=parts)

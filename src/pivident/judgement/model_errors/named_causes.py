@@ -318,7 +318,7 @@ def _candidates(
         candidates = {
             k: s
             for k, s in scores.items()
-            if is_found(s, tests.tried) and _is_large(tests, corrected, k, s, found.std)
+            if is_found(s, tests.tried) and _is_large(tests, corrected, k, s, found.free_std)
         }
         most = max((s.unseen for s in scores.values()), default=0.0)
         if any(s.unseen * SIMPLER * ALIKE >= NEAR * most for s in candidates.values()):
@@ -360,7 +360,7 @@ def _named(
     found: Identification, best: Score, candidates: dict[int, Score], torques: np.ndarray
 ) -> NamedCause:
     """A cause with those that cannot be told from it."""
-    shifts = np.abs(best.shift) / found.std
+    shifts = np.abs(best.shift) / found.free_std
     k = int(np.argmax(shifts))
     alike = alternatives(best, candidates.values())
     changes = np.array([score.shift for score in (best, *alike)])

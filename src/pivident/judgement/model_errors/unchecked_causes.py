@@ -94,7 +94,7 @@ def unchecked_causes(
     needed = _standard_errors(tests)
     own = tests.columns([])
     of_band = np.sqrt(np.diag(tests.covariance(own, tests.fit(own).theta)))
-    std = np.maximum(found.std, of_band)
+    std = np.maximum(found.free_std, of_band)
     made = []
     for number, cause in enumerate(tests.causes):
         size = COMMON.get((cause.kind, cause.unit), 0.0)

@@ -14,7 +14,7 @@ import numpy as np
 from pivident.dynamics.parameters import Parameter
 from pivident.estimation.covariance.windows import degrees_of_freedom
 from pivident.estimation.equation_record import accumulate
-from pivident.estimation.identification import Identification
+from pivident.estimation.identification import Identification, joint_weights
 from pivident.estimation.normal_equations import JointSums
 from pivident.foundation.distributions import fisher
 from pivident.foundation.text.numbers import plus_minus
@@ -49,7 +49,8 @@ def design_effect(identification: Identification) -> float:
 
     What sampling theory calls design effect: so many rows are worth one independent equation.
     """
-    ratio = np.diag(identification.robust_covariance) / np.diag(identification.formula_covariance)
+    free = identification.formula_std > 0.0  # what was fixed has no variance
+    ratio = (identification.robust_std[free] / identification.formula_std[free]) ** 2
     return float(np.exp(np.mean(np.log(ratio))))
 
 
@@ -70,11 +71,6 @@ def torque_error(sums: Sequence[JointSums], theta: np.ndarray, weights: np.ndarr
     error = sum(w * s.residual_sum(theta) for w, s in zip(weights, sums, strict=True))
     total = sum(w * s.tt for w, s in zip(weights, sums, strict=True))
     return 100.0 * float(np.sqrt(error / max(total, 1e-300)))
-
-
-def joint_weights(full: Identification) -> np.ndarray:
-    """1 / squared rms torque error of each joint, shape (joints,)."""
-    return 1.0 / np.array([max(j.rms_error, 1e-150) ** 2 for j in full.joints])
 
 
 @dataclass(eq=False)
@@ -154,7 +150,8 @@ class EliminationRound:
 
     def _weakest(self) -> tuple[int, float, float] | None:
         """Place, W and p of the parameter with the largest relative standard error that may go."""
-        statistic = (self.theta / self.std) ** 2
+        free = self.std > 0.0  # what was fixed stays
+        statistic = np.where(free, (self.theta / np.where(free, self.std, 1.0)) ** 2, np.inf)
         p_values = fisher.sf(statistic, 1, self.freedom)
         spared = []
         for place in np.argsort(statistic):

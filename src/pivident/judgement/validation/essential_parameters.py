@@ -23,12 +23,12 @@ one follows after each round, and ends the search when nothing more can go.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from pivident.estimation.identification import Identification
+from pivident.estimation.identification import Identification, joint_weights
 from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.method import Method
@@ -46,7 +46,6 @@ from pivident.judgement.validation.elimination import (
     Elimination,
     EliminationRound,
     design_effect,
-    joint_weights,
     torque_error,
     torque_sums,
 )
@@ -201,9 +200,9 @@ def essential_parameters(
         switched = bool(notes) and found is full
         if not elimination.steps and not switched:
             break
-        problem = replace(problem, parameters=elimination.names)
+        problem = problem.estimating(elimination.names)
         found = identify(problem, chosen, say)
-        change = float(np.max(np.abs(found.theta - elimination.theta) / elimination.std))
+        change = float(np.max(np.abs(found.theta - elimination.theta) / found.free_std))
     return EssentialParameters(
         identification=found,
         full=full,

@@ -209,7 +209,7 @@ def instrument_tests(
     """All tests, from one pass over the equations that were solved last."""
     chosen = further_kind(identification) if extra == "auto" else extra
     sums = moment_sums(identification, chosen)
-    names = identification.names
+    names = [identification.names[k] for k in identification.restrictions.freedom.free]
     return InstrumentTests(
         relevance_test(sums, names),
         exogeneity_test(sums, names),

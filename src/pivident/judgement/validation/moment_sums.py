@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pivident.dynamics.regressor import Regressor
     from pivident.estimation.equation_record import EquationRecord
     from pivident.estimation.identification import Identification
+    from pivident.estimation.restrictions import Freedom
     from pivident.estimation.solved_equations import Equations
     from pivident.loop.motion.motion import Motion
 
@@ -115,6 +116,23 @@ class MomentSums:
         )
         return scaled, length
 
+    def along(self, freedom: Freedom) -> MomentSums:
+        """The same of Φ N, Z N, X N and τ - Φ θ₀: as far as the parameters are free."""
+        count = 2 + bool(self.extra)
+        left = np.kron(np.eye(count), freedom.basis.T)
+        every = np.zeros((len(left) + 1, len(self.gram)))
+        every[:-1, :-1], every[-1, -1] = left, 1.0
+        every[-1, : self.size] = -freedom.offset
+        size, chosen = freedom.free.size, np.r_[: 2 * self.size, len(self.gram) - 1]
+        right = every[np.r_[: 2 * size, len(left)]][:, chosen]
+        return replace(
+            self,
+            size=size,
+            extra=size if self.extra else 0,
+            gram=every @ self.gram @ every.T,
+            windows=left @ self.windows @ right.T,
+        )
+
     def _place(self, name: str) -> slice:
         b = self.size
         return {
@@ -147,7 +165,7 @@ def moment_sums(
         shares = list(windows[block.record].shares(block.span))
         for r in block.joints:
             sums.add(r.columns, r.phi, r.z, r.extra, r.tau, int(r.used.sum()), shares)
-    return sums
+    return sums.along(identification.restrictions.freedom)
 
 
 def kept_equations(identification: Identification) -> Equations:

@@ -415,7 +415,7 @@ def make_consistent(
         least_distance=found.least_distance,
         p_value=p_value,
         distance=found.distance,
-        moved=(beta - metric.center)[metric.estimated] / identification.std,
+        moved=(beta - metric.center)[metric.estimated] / identification.free_std,
         active=found.active,
         torque_error_free=errors[0],
         torque_error=errors[1],

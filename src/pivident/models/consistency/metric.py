@@ -29,6 +29,10 @@ from pivident.estimation.solved_equations import TorqueSums
 from pivident.foundation.distributions import chi_square
 from pivident.foundation.errors import IdentificationError
 
+#: Standard error of what was known beforehand, over its size: nothing is known better by a
+#: consistent set.
+FIRM = 1e-3
+
 #: Smallest variance of a direction over that of white errors, relative to the median, below which
 #: the rank of a covariance counts as too low.
 LOWEST_RATIO = 1e-3
@@ -110,7 +114,7 @@ def make_metric(
 
 def full_covariance(identification: Identification) -> tuple[np.ndarray, bool]:
     """Covariance of full rank with the reported standard errors, and whether it had to be mixed."""
-    reported = identification.covariance
+    reported = _firm(identification, identification.covariance)
     std = np.sqrt(np.maximum(np.diag(reported), 0.0))
     if not (np.isfinite(reported).all() and (std > 0.0).all()):
         names = [
@@ -131,9 +135,23 @@ def full_covariance(identification: Identification) -> tuple[np.ndarray, bool]:
     return other * np.outer(std, std), True
 
 
+def _firm(identification: Identification, covariance: np.ndarray) -> np.ndarray:
+    """The covariance with a little room in directions that were known beforehand.
+
+    A consistent set keeps what was fixed to within `FIRM` of its size.
+    """
+    restrictions = identification.restrictions
+    if len(restrictions.freedom.free) == len(restrictions.names):
+        return covariance
+    size = np.maximum(np.abs(identification.theta), FIRM)
+    room = np.where(restrictions.is_fixed, size, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+    return covariance + np.diag((FIRM * room) ** 2)
+
+
 def _formula_correlations(identification: Identification) -> np.ndarray:
     """Correlations of the formula for white errors, of full rank."""
     formula, names = identification.formula_covariance, identification.names
+    formula = _firm(identification, formula)
     variances = np.diag(formula)
     wrong = (~np.isfinite(formula)).sum(axis=1) + ~(variances > 0.0)
     if wrong.any():

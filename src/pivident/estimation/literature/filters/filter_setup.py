@@ -97,7 +97,9 @@ class FilterOptions(Method):
     )
 
     group: ClassVar[str] = "Filters"
-    handles: ClassVar[Handles] = Handles(wrenches=False, inner_friction=False)
+    handles: ClassVar[Handles] = Handles(
+        wrenches=False, inner_friction=False, known=(), weights=False
+    )
     refit: ClassVar[Refit] = "samples"
     correlated_start: ClassVar[bool] = False
 

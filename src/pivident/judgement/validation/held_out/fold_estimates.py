@@ -79,7 +79,7 @@ def estimates_without(
     parts = [p for k, span in enumerate(moving) for p in _parts(k, span, folds)]
     sums = sums_of(found.equations, parts)
     whole = _together(sums)
-    before = solve(whole, np.ones(len(whole)), found.names).covariance
+    before = solve(whole, np.ones(len(whole)), found.restrictions).covariance
 
     def without(fold: Fold) -> Identification:
         own = [s for s, p in zip(sums, parts, strict=True) if not _is_left_out(p, fold)]
@@ -109,6 +109,10 @@ def sums_of(equations: Equations, parts: Sequence[Piece]) -> list[list[JointSums
         [JointSums.empty(name, regressor.columns_of(j)) for j, name in enumerate(names)]
         for _ in parts
     ]
+    for j in range(len(names)):
+        left_out = not any(record.used[j].any() for record in equations.records)
+        for own in sums:
+            own[j].left_out = left_out
     samples = [record.sample_numbers for record in equations.records]
     for block in equations.blocks():
         here = samples[block.record][block.span]
@@ -139,7 +143,7 @@ def _is_left_out(part: Piece, fold: Fold) -> bool:
 
 def _together(parts: Sequence[Sequence[JointSums]]) -> list[JointSums]:
     """The sums of several parts added up, of all joints."""
-    names = "zf", "zz", "ff", "zt", "ft", "tt", "rows"
+    names = "zf", "zz", "ff", "zt", "ft", "tt", "rows", "weight"
     return [
         replace(own[0], **{name: sum(getattr(part, name) for part in own) for name in names})
         for own in zip(*parts, strict=True)
@@ -151,14 +155,15 @@ def _solved(found: Identification, sums: Sequence[JointSums], before: np.ndarray
 
     ``before``: covariance by the sums of all parts, as `solve` gives it.
     """
-    solution = solve(sums, np.ones(len(sums)), found.names)
+    solution = solve(sums, np.ones(len(sums)), found.restrictions)
     if solution.condition > POORER * found.condition:
         raise IdentificationError(
             f"without it the motion does not separate {', '.join(solution.weakest)} (condition "
             f"number {solution.condition:.3g}, with it {found.condition:.3g})",
             advice="take more folds, or a longer motion",
         )
-    growth = np.sqrt(np.diag(solution.covariance) / np.diag(before))
+    fixed = np.diag(before) == 0.0
+    growth = np.sqrt(np.diag(solution.covariance) / np.where(fixed, 1.0, np.diag(before)))
     return without_fold(found, solution.theta, **widened(found, np.outer(growth, growth)))
 
 
@@ -171,7 +176,8 @@ def widened(found: Identification, share: float | np.ndarray) -> dict[str, np.nd
 def without_fold(found: Identification, theta: np.ndarray, **others: Any) -> Identification:
     """An identification with other parameters, without the signals and equations of its own."""
     motion = found.fitted_range
-    return replace(found, theta=theta, recordings=(), motion=motion, equations=None, **others)
+    own = {"theta": theta, "judged": None} | others
+    return replace(found, recordings=(), motion=motion, equations=None, **own)
 
 
 def regressions_without(
@@ -208,7 +214,7 @@ def _solved_rows(
     problem: Problem, found: Identification, method: Any, rows: Rows
 ) -> Identification:
     """The estimate from the rows that are left."""
-    solved = method.solve(problem, rows, found.theta).solved
+    solved = method.solve_free(problem, rows, found.theta).solved
     if solved.condition > POORER * found.condition:
         raise IdentificationError(
             "without it the motion hardly separates the parameters (condition number "
