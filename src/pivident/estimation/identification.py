@@ -26,8 +26,8 @@ from pivident.estimation.restrictions import Restrictions
 from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import EquationNoise, Equations, TorqueSums
+from pivident.foundation.document.estimated import Estimated
 from pivident.foundation.errors import UnknownName, UnusableValue
-from pivident.foundation.estimated import Estimated
 from pivident.foundation.text import display
 from pivident.foundation.text.display import Displayed, Summary, in_one_line
 from pivident.foundation.text.finding import Finding

@@ -21,8 +21,8 @@ from typing import Literal
 import numpy as np
 
 from pivident.foundation.document.document import Accounted
+from pivident.foundation.document.estimated import Estimated
 from pivident.foundation.errors import IdentificationError
-from pivident.foundation.estimated import Estimated
 from pivident.foundation.text.display import Displayed
 from pivident.signals.arma import Noise as Noise
 from pivident.signals.arma import ar as ar

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 import statsmodels.api as sm
 
+from pivident.foundation.document.estimated import ByName
 from pivident.foundation.errors import UnknownName, UnusableValue
-from pivident.foundation.estimated import ByName
 from pivident.linear.conversion import known_model
 from pivident.linear.srivc import srivc
 from tests.planar_results import planar_results
