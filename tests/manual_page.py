@@ -25,6 +25,7 @@ TABLES: dict[str, type[Entry]] = {
     "units": file_keys.UnitsEntry,
     "`[controller]`": file_keys.ControllerEntry,
     "`[identify]`": identify_table.IdentifyEntry,
+    "constraints": identify_table.ConstraintEntry,
     **identify_table.METHOD_ENTRIES,
     **identify_table.PARTS,
     "`[validation]`": file_keys.ValidationEntry,

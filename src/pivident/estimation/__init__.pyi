@@ -14,6 +14,9 @@ from .drives.log_units import MotorInLogUnits as MotorInLogUnits
 from .drives.log_units import identify_in_log_units as identify_in_log_units
 from .identify import build_regression as build_regression
 from .kinematics import estimate_kinematics as estimate_kinematics
+from .known_parameters import Equality as Equality
+from .known_parameters import KnownParameters as KnownParameters
+from .known_parameters import Prior as Prior
 from .literature.adaline import Adaline as Adaline
 from .literature.correlated_joints import CorrelatedJoints as CorrelatedJoints
 from .literature.filters.central_difference_kalman import (
@@ -44,4 +47,5 @@ from .method import Cost as Cost
 from .method import Handles as Handles
 from .method import Method as Method
 from .output_error.output_error import OutputError as OutputError
+from .own_estimate import OwnMethod as OwnMethod
 from .signal_recipes import Algebraic as Algebraic

@@ -292,8 +292,11 @@ def problem_of(
     """What the table ``[identify]`` wants to be estimated from recordings."""
     names = None if entry.parameters is None else tuple(entry.parameters)
     return Problem(
-        robot, tuple(recordings), loop, parameters=names, mask=entry.mask, initial=entry.initial
-    )
+        robot, tuple(recordings), loop, parameters=names, mask=entry.mask, initial=entry.initial,
+        fixed=entry.fixed, bounds=entry.bounds, priors=entry.priors,
+        constraints=[(c.coefficients, c.value) for c in entry.constraints],
+        weights=entry.weights or None, without_equation=tuple(entry.without_equation),
+    )  # fmt: skip
 
 
 def load_experiment(path: str | Path) -> Experiment:

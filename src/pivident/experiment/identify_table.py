@@ -25,7 +25,15 @@ from pivident.estimation.signal_recipes import (
     SignalRecipe,
     recipe_name,
 )
-from pivident.experiment.table_values import Mask, Names, entry_of, table_of
+from pivident.experiment.table_values import (
+    Expected,
+    Fixed,
+    Limits,
+    Mask,
+    Names,
+    entry_of,
+    table_of,
+)
 from pivident.foundation.errors import ExperimentError, UnusableValue
 from pivident.foundation.options import declarations
 from pivident.foundation.text.finding import Finding, FindingKind, Topic
@@ -132,6 +140,15 @@ PARTS: dict[str, type[Entry]] = {
 }
 
 
+class ConstraintEntry(Entry):
+    """A linear equation between parameters."""
+
+    coefficients: dict[str, float] = key(
+        meaning="factors by parameter name", unit="1/parameter", kind="table"
+    )
+    value: float = key(0.0, "what they sum up to")
+
+
 class IdentifyKeys(Entry):
     """What is estimated, and options for all methods that have them."""
 
@@ -175,6 +192,39 @@ class IdentifyKeys(Entry):
     initial: dict[str, float] = key(
         meaning="starting values by parameter name", factory=dict, unit="of the parameter"
     )
+    fixed: Fixed = key(
+        meaning='values by parameter name that are known and not estimated; `"description"`: those '
+        "that the description knows of parameters that are not among `parameters`",
+        factory=dict,
+        unit="of the parameter",
+        kind='`"description"` or table',
+    )
+    bounds: Limits = key(
+        meaning="least and largest value by parameter name, as in "
+        '`{fv1 = [0.0, "none"]}`; of `ls`, `iv`, `piv` and fitted simulations',
+        factory=dict,
+        unit="of the parameter",
+        kind="table of lists",
+    )
+    priors: Expected = key(
+        meaning="expected value and its standard deviation by parameter name, as in "
+        "`{zz1r = [0.89, 0.05]}`; of `ls`, `iv` and `piv`",
+        factory=dict,
+        unit="of the parameter",
+        kind="table of lists",
+    )
+    constraints: list[ConstraintEntry] = key(
+        meaning="linear equations between parameters; of `ls`, `iv` and `piv`", factory=list
+    )
+    weights: dict[str, float] = key(
+        meaning="what the torque of a joint counts beside the others: 4 as if its standard "
+        "deviation were half as large",
+        factory=dict,
+    )
+    without_equation: list[str] = key(
+        meaning="joints whose motion counts and whose torque does not", factory=list,
+        kind="list of names",
+    )  # fmt: skip
     if TYPE_CHECKING:
         bandpass: Any
 

@@ -161,6 +161,39 @@ Masses = Annotated[list[float], PlainValidator(_masses)]
 Folder = Annotated[str, Field(min_length=1), AfterValidator(_below)]
 
 
+def _fixed(value: Any) -> Any:
+    if value == "description" or (isinstance(value, dict) and all(map(_is_number, value.values()))):
+        return value
+    raise ValueError('must be "description", or a table of parameter = number')
+
+
+def _limits(value: Any) -> Any:
+    """Two numbers for each name, either of them ``none``."""
+    found = {}
+    for name, pair in value.items() if isinstance(value, dict) else ():
+        if isinstance(pair, list) and len(pair) == 2:
+            found[name] = tuple(None if x == "none" else x for x in pair)
+    if not isinstance(value, dict) or not all(
+        x is None or _is_number(x) for name in value for x in found.get(name, ("",))
+    ):
+        raise ValueError('must be a table of parameter = [least, largest], "none" for no bound')
+    return found
+
+
+def _expected(value: Any) -> Any:
+    """A number and a standard deviation for each name."""
+    if isinstance(value, dict) and all(
+        isinstance(x, list) and len(x) == 2 and all(map(_is_number, x)) for x in value.values()
+    ):
+        return {name: tuple(map(float, pair)) for name, pair in value.items()}
+    raise ValueError("must be a table of parameter = [expected value, standard deviation]")
+
+
+Fixed = Annotated[Literal["description"] | dict[str, float], PlainValidator(_fixed)]
+Limits = Annotated[dict[str, tuple[float | None, float | None]], PlainValidator(_limits)]
+Expected = Annotated[dict[str, tuple[float, float]], PlainValidator(_expected)]
+
+
 def _bounds(value: Any) -> Any:
     """A table of two numbers for each name."""
     if not isinstance(value, dict):

@@ -155,7 +155,13 @@ class ProblemCheck:
         """Names of parameters, where no recording can be read."""
         given = self._content.identify
         base = base_parameters(robot)
-        for key, names in (("parameters", given.parameters or ()), ("initial", given.initial)):
+        fixed = given.fixed if isinstance(given.fixed, dict) else {}
+        known = {"fixed": fixed, "bounds": given.bounds, "priors": given.priors}
+        for key, names in (
+            ("parameters", given.parameters or ()),
+            ("initial", given.initial),
+            *known.items(),
+        ):
             for name in names:
                 try:
                     parameter_index(base, name)
