@@ -156,12 +156,14 @@ class ProblemCheck:
         given = self._content.identify
         base = base_parameters(robot)
         fixed = given.fixed if isinstance(given.fixed, dict) else {}
-        known = {"fixed": fixed, "bounds": given.bounds, "priors": given.priors}
-        for key, names in (
-            ("parameters", given.parameters or ()),
-            ("initial", given.initial),
-            *known.items(),
-        ):
+        named: dict[str, Iterable[str]] = {
+            "parameters": given.parameters or (),
+            "initial": given.initial,
+            "fixed": fixed,
+            "bounds": given.bounds,
+            "priors": given.priors,
+        }
+        for key, names in named.items():
             for name in names:
                 try:
                     parameter_index(base, name)
