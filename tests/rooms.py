@@ -17,7 +17,7 @@ ROOMS = {
     "foundation": (
         "version", "text", "errors", "extras", "registry", "options", "files", "codec",
         "scratch",
-        "threads", "document", "compiled", "common_work", "distributions",
+        "threads", "distributions", "document", "compiled", "common_work",
     ),
     "robot": (".",),
     "dynamics": (".",),

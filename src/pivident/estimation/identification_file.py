@@ -30,6 +30,7 @@ from pivident.foundation.text.display import in_one_line
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.plain_values import (
     LATER,
+    SPARSE,
     Known,
     Limits,
     Name,
@@ -120,7 +121,7 @@ class IdentificationTable:
     condition: Annotated[float, Null(inf)]
     controller: Found
     reference: Found
-    loop: Annotated[str, LATER] = ""  # that was simulated, in words
+    loop: Annotated[str, SPARSE] = ""  # that was simulated, in words
     instruments: Annotated[InstrumentsUsed | None, LATER] = None
     options: dict[str, Any]
     warnings: tuple[Finding, ...]
