@@ -14,7 +14,7 @@ from tests.synthetic_identification import synthetic_identification, synthetic_l
 
 KEYS = (
     "schema method kind robot converged iterations parameters covariance robust_covariance "
-    "formula_covariance relative_error joints history condition controller reference loop "
+    "formula_covariance relative_error joints history condition controller reference "
     "instruments options warnings sources version readings motion robot_description torque_sums "
     "equation_noise simulation"
 ).split()

@@ -79,6 +79,9 @@ class BaseParameters(Displayed):
 
         Args:
             standard: standard parameters, shape (standard,).
+
+        Raises:
+            UnusableValue: another number of them.
         """
         standard = np.asarray(standard, dtype=float)
         if standard.shape != (len(self.standard),):

@@ -79,7 +79,7 @@ def inverse_dynamics_derivatives(
 
     Raises:
         RobotDescriptionError: a robot with closed loops.
-        ValueError: shapes that do not fit.
+        UnusableValue: shapes that do not fit.
     """
     without_loops(robot, "the derivative of the inverse dynamics", DIFFERENCES)
     n = robot.size

@@ -69,7 +69,7 @@ class Regressor(Displayed):
             The regressor, which knows where entries can be non-zero.
 
         Raises:
-            ValueError: a mechanism with closed loops, see `dynamics.robot_regressor`.
+            UnusableValue: a mechanism with closed loops, see `dynamics.robot_regressor`.
         """
         if robot.constraints is not None:
             raise UnusableValue(

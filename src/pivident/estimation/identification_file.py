@@ -122,7 +122,7 @@ class IdentificationTable:
     condition: Annotated[float, Null(inf)]
     controller: Found
     reference: Found
-    loop: Annotated[str, LATER] = ""  # that was simulated, in words
+    loop: Annotated[str, SPARSE] = ""  # that was simulated, in words
     instruments: Annotated[InstrumentsUsed | None, LATER] = None
     options: dict[str, Any]
     warnings: tuple[Finding, ...]

@@ -100,7 +100,7 @@ class FrictionLaw(Displayed):
             values: by the names of ``shapes``, or ``gamma``.
 
         Raises:
-            ValueError: names an unknown constant, or one outside its range.
+            UnusableValue: names an unknown constant, or one outside its range.
         """
         known = [s.name for s in self.shapes] + ["gamma"] * any(t.has_sign for t in self.terms)
         for name in values:

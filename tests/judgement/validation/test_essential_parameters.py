@@ -166,7 +166,7 @@ def test_a_loop_that_cannot_be_simulated_begins_with_least_squares(monkeypatch):
         essential_parameters(problem, FULL_RATE)
 
 
-@pytest.mark.parametrize("options", [{"level": 0.0}, {"level": 2.0}, {"reidentify": "never"}])
+@pytest.mark.parametrize("options", [{"alpha": 0.0}, {"alpha": 2.0}, {"reidentify": "never"}])
 def test_impossible_options_are_refused(arm, options):
     with pytest.raises(ExperimentError, match=next(iter(options))):
         essential_parameters(arm, "ls", **options)

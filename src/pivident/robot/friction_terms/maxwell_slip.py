@@ -52,7 +52,7 @@ def maxwell_slip(
         One term with a parameter fm_i [N m or N] for each distance.
 
     Raises:
-        ValueError: two elements are alike, or a constant is outside its range.
+        UnusableValue: two elements are alike, or a constant is outside its range.
     """
     if len(set(distances)) < len(distances):
         raise UnusableValue(f"slip distances must differ from each other, not {list(distances)}")

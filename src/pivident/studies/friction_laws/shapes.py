@@ -125,7 +125,11 @@ class ShapedIdentification(Displayed):
         return tuple(notes)
 
     def shape(self, name: str, joint: str | None = None) -> IdentifiedShape:
-        """One constant by its name and, where several joints have it, its joint."""
+        """One constant by its name and, where several joints have it, its joint.
+
+        Raises:
+            UnknownName: there is none, or there are several.
+        """
         found = [
             s
             for s in self.shapes

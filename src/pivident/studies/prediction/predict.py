@@ -107,7 +107,7 @@ def predict(
     k = judge.kinematics
     compare = compare and recording.has_torque
     # a motion alone needs no control law that its torque would follow from
-    moved = replace(recording, torque_source="measured", allow_constant=True, saturation="allow")
+    moved = replace(recording, torque_source="law", allow_constant=True, saturation="allow")
     problem = Problem(robot, (recording if recording.has_torque else moved,))
     start, stop = moving_part(problem, k)
     model = torque(k.q.T, k.dq.T, k.ddq.T)
