@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from pivident.estimation.methods import METHODS
+from pivident.experiment.check.experiment_check import check_experiment
 from pivident.experiment.check.plan import (
     CONSISTENT,
     JUDGED,
@@ -13,6 +14,7 @@ from pivident.experiment.check.plan import (
     expected_time,
     in_words,
 )
+from tests.planar_log import EXPERIMENT, write_experiment
 
 FOUR = ("ls", "iv", "iv-full-rate", "piv")
 
@@ -65,3 +67,11 @@ def test_stages_are_in_the_order_in_which_they_pass():
 
 def test_times_in_words():
     assert [in_words(s) for s in (0.2, 41.4, 89.6, 150.0)] == ["1 s", "41 s", "90 s", "2 min"]
+
+
+def test_the_stored_plan_says_what_every_method_would_take(tmp_path):
+    """The studio offers methods that the file does not name, with their time."""
+    plan = check_experiment(write_experiment(tmp_path, EXPERIMENT)).as_json()["plan"]
+    assert plan["seconds_of"].keys() == METHODS.keys()
+    assert all(0.0 < each < 1e4 for each in plan["seconds_of"].values())
+    assert plan["seconds_of"]["particle"] > plan["seconds_of"]["ls"]

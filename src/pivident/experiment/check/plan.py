@@ -133,7 +133,7 @@ def plan_of(
         reference if controller else "",
         blocks,
         expected_time(problem, methods, blocks, law_unknown=controller == "identify"),
-        TimeOfMethods(problem, dict(methods), blocks),
+        TimeOfMethods(problem, methods, blocks),
         first_run(methods),
     )
 
@@ -177,26 +177,24 @@ def time_before(problem: Problem, *, law_unknown: bool) -> float:
     return START + (LAW * samples * problem.robot.size if law_unknown else 0.0)
 
 
-@dataclass(frozen=True, eq=False)
 class TimeOfMethods(Mapping[str, float]):
     """What each method there is adds to the time of an identification [s], chosen or not.
 
     A method that is not chosen is imported when it is asked for.
     """
 
-    problem: Problem
-    chosen: Mapping[str, Method]
-    folds: int
+    def __init__(self, problem: Problem, chosen: Mapping[str, Method], folds: int) -> None:
+        self._problem, self._chosen, self._folds = problem, chosen, folds
 
     def __getitem__(self, name: str) -> float:
-        method = self.chosen[name] if name in self.chosen else METHODS[name]
-        return sum(expected_stages(self.problem, {name: method}, self.folds).values()) - REPORT[0]
+        method = self._chosen[name] if name in self._chosen else METHODS[name]
+        return sum(expected_stages(self._problem, {name: method}, self._folds).values()) - REPORT[0]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys((*METHODS.usable(), *self.chosen)))
+        return iter(dict.fromkeys((*METHODS.usable(), *self._chosen)))
 
     def __len__(self) -> int:
-        return len(list(iter(self)))
+        return len(tuple(iter(self)))
 
 
 def expected_stages(

@@ -172,6 +172,8 @@ class InverseModel:
     ) -> InverseModel:
         """Rows with columns of the low-passed motion as they are, cheap to try a reading with.
 
+        Torques of the description are not made for them: ``described`` stays that of all rows.
+
         Args:
             scale: so many times the positions, for all joints or each.
             shift: what is added to these [rad or m], likewise.
