@@ -156,7 +156,11 @@ class ProblemCheck:
         given = self._content.identify
         base = base_parameters(robot)
         fixed = given.fixed if isinstance(given.fixed, dict) else {}
-        known = {"fixed": fixed, "bounds": given.bounds, "priors": given.priors}
+        known: dict[str, Iterable[str]] = {
+            "fixed": fixed,
+            "bounds": given.bounds,
+            "priors": given.priors,
+        }
         for key, names in (
             ("parameters", given.parameters or ()),
             ("initial", given.initial),
