@@ -1,7 +1,7 @@
 """Which parameters an estimator's intervals miss, and why: bias, or intervals that are too small.
 
     python -m benchmarks.coverage_of_parameters [clie] [--scenario fine] [--first 0] [--runs 60]
-        [--criterion bic]
+        [--criterion bic] [--fixed zz3r ia3 fv1]
 
 Coverages of one run are correlated, since its parameters share the noise: the standard error of the
 mean coverage is that over runs. Below it, for each parameter: coverage of 2σ, bias in standard
@@ -12,6 +12,7 @@ quarters by the orders of their noise models, from the lowest to the highest.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,18 +38,20 @@ class Runs:
         return np.abs(self.errors) <= 2.0 * self.std
 
 
-def runs_of(method: Method, scenario: str, seeds: range) -> Runs:
-    """Identify the records of some seeds."""
+def runs_of(method: Method, scenario: str, seeds: range, fixed: Sequence[str] = ()) -> Runs:
+    """Identify the records of some seeds; ``fixed``: parameters whose true values are known."""
     errors, std, orders = [], [], []
     names: list[str] = []
     for seed in seeds:
         problem, truth = tx40_scenario(scenario, seed)
-        found = identify(problem, method)
-        names = list(problem.names)
         # the regrouping is marked by an r that either of the names may have
         by_stem = {name.removesuffix("r"): value for name, value in truth.items()}
-        errors.append(found.theta - [by_stem[name.removesuffix("r")] for name in names])
-        std.append(np.sqrt(np.diag(found.covariance)))
+        known = {name: by_stem[name.removesuffix("r")] for name in fixed}
+        problem = replace(problem, fixed=known)
+        found, free = identify(problem, method), np.flatnonzero(problem.varying)
+        names = [problem.names[k] for k in free]
+        errors.append(found.theta[free] - [by_stem[name.removesuffix("r")] for name in names])
+        std.append(np.sqrt(np.diag(found.covariance))[free])
         simulation = found.simulation
         orders.append(sum(simulation.noise_orders) if simulation else 0)
     return Runs(names, np.array(errors), np.array(std), np.array(orders))
@@ -88,11 +91,13 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--runs", type=int, default=60)
     parser.add_argument("--criterion", choices=("aic", "aicc", "bic"))
+    parser.add_argument("--fixed", nargs="*", default=(), help="parameters that are known")
     given = parser.parse_args()
     method = METHODS[given.method]
     if given.criterion:
         method = replace(method, noise=replace(method.noise, criterion=given.criterion))
-    show(runs_of(method, given.scenario, range(given.first, given.first + given.runs)))
+    seeds = range(given.first, given.first + given.runs)
+    show(runs_of(method, given.scenario, seeds, given.fixed))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ def fitted():
     x = rng.normal(size=(400, len(result.names)))
     y = x @ rng.normal(size=len(result.names)) + 0.3 * rng.normal(size=400)
     fit = sm.OLS(y, x).fit(use_t=False)
-    return fit, replace(result, theta=fit.params, robust_covariance=fit.cov_params())
+    return fit, replace(result, judged=None, theta=fit.params, robust_covariance=fit.cov_params())
 
 
 @pytest.mark.parametrize("level", [0.5, 0.95, 0.999])

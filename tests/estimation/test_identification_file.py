@@ -44,6 +44,7 @@ def test_json_is_strict_and_exact():
     loose = replace(
         identification,
         condition=np.inf,
+        judged=None,
         theta=np.r_[0.0, identification.theta[1:]],
         joints=tuple(replace(j, f50=np.nan) for j in identification.joints),
         options={"path": Path("log.csv"), "gain": np.float32(np.nan), "size": np.int64(3)},

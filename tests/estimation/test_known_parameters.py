@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.coverage_of_parameters import runs_of
 from scipy.optimize import LinearConstraint, lsq_linear, minimize
 
 from pivident.data.recording.recording import Recording
@@ -14,6 +15,7 @@ from pivident.estimation.instrumental_variables import InstrumentalVariables
 from pivident.estimation.known_parameters import Equality, Prior
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.normal_equations import solve
+from pivident.estimation.prefiltered_iv import PIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.restrictions import Restrictions
 from pivident.estimation.signal_recipes import RandomWalk
@@ -358,3 +360,10 @@ def test_essential_parameters_leave_what_is_fixed(problem):
     found = essential_parameters(replace(problem, fixed=fixed), "iv-full-rate")
     assert found.identification.value("my2") == 0.0001
     assert "my1" in [step.name for step in found.steps]
+
+
+def test_intervals_cover_the_truth_with_three_known_parameters():
+    """Short form of ``benchmarks.coverage_of_parameters piv --fixed zz1r ia3 fv1``."""
+    runs = runs_of(PIV, "fine", range(12), ("zz1r", "ia3", "fv1"))
+    assert runs.errors.shape == (12, 25)
+    assert 0.90 < runs.covered.mean() < 0.99

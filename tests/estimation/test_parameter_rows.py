@@ -122,6 +122,7 @@ def test_rows_of_different_parameter_sets_are_aligned():
         parameters=full.parameters[1:],
         names=full.names[1:],
         expressions=full.expressions[1:],
+        judged=None,
         theta=full.theta[1:],
         covariance=full.covariance[1:, 1:],
         robust_covariance=full.robust_covariance[1:, 1:],

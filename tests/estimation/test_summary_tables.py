@@ -58,7 +58,7 @@ def test_a_result_that_did_not_converge_says_so():
 
 def test_comparison_marks_contradictions_only():
     good = synthetic_identification(seed=2)
-    biased = replace(good, method="IDIM-LS", theta=good.theta + 6.0 * good.std)
+    biased = replace(good, method="IDIM-LS", judged=None, theta=good.theta + 6.0 * good.std)
     text = comparison_table([biased, good])
     assert "IDIM-LS" in text.splitlines()[0]
     assert text.count(" *\n") == len(good.names)
@@ -81,6 +81,7 @@ def test_comparison_of_different_parameter_sets():
         parameters=full.parameters[:3],
         names=full.names[:3],
         expressions=full.expressions[:3],
+        judged=None,
         theta=full.theta[:3],
         covariance=full.covariance[:3, :3],
         robust_covariance=full.robust_covariance[:3, :3],

@@ -66,7 +66,7 @@ def badly_made(found, seed, log_condition, power, spread):
     theta[rng.integers(size)] = 0.0
     theta[rng.integers(size)] *= 1e-30
     values = {"covariance": robust, "robust_covariance": robust, "formula_covariance": formula}
-    return replace(found, theta=theta, torque_sums=None, **values)
+    return replace(found, judged=None, theta=theta, torque_sums=None, **values)
 
 
 def is_covariance(matrix):

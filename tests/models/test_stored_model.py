@@ -60,7 +60,7 @@ def test_consistent_file_beside_it_is_taken(tmp_path, free):
 
 def test_consistent_file_of_another_estimate_is_not_taken(tmp_path, free):
     with_stage(tmp_path, free)
-    other = replace(free, theta=free.theta * 1.01)
+    other = replace(free, judged=None, theta=free.theta * 1.01)
     save_identification(other, tmp_path)
     model, files = stored_model(tmp_path)
     assert len(files) == 1 and "made from another identification" in model.notes[-1]
@@ -80,7 +80,7 @@ def test_free_estimate_is_lifted(tmp_path, free):
 
 
 def test_estimate_that_is_too_poor_names_the_way_out(tmp_path, free):
-    heavy = replace(free, theta=-5.0 * free.theta)
+    heavy = replace(free, judged=None, theta=-5.0 * free.theta)
     save_identification(heavy, tmp_path)
     with pytest.raises(NoConsistentModelNear) as caught:
         stored_model(tmp_path)

@@ -44,7 +44,15 @@ class Prior:
         return np.sqrt(np.diag(self.covariance))
 
     def checked(self) -> Prior:
-        """The same in arrays; refuses what is no normal distribution."""
+        """The same in arrays.
+
+        Returns:
+            The prior.
+
+        Raises:
+            ExperimentError: other shapes, values that are not finite, or a covariance that is not
+                positive definite.
+        """
         names = (self.names,) if isinstance(self.names, str) else tuple(self.names)
         mean, covariance = np.atleast_1d(np.asarray(self.mean, float)), np.asarray(self.covariance)
         size = len(names)
@@ -71,7 +79,12 @@ class Prior:
 
 @dataclass(frozen=True)
 class Equality:
-    """A linear equation between parameters: Σ coefficient · parameter = value."""
+    """A linear equation between parameters: Σ coefficient · parameter = value.
+
+    Attributes:
+        coefficients: factors by parameter name.
+        value: what the products sum up to.
+    """
 
     coefficients: dict[str, float]
     value: float = 0.0
@@ -112,7 +125,22 @@ class KnownParameters:
         priors: Priors,
         constraints: Equalities,
     ) -> KnownParameters:
-        """The same with the names of a robot's base parameters, checked one by one."""
+        """The same with the names of a robot's base parameters, checked one by one.
+
+        Args:
+            base: the robot's base parameters.
+            fixed: values by name.
+            bounds: least and largest value by name, None for none.
+            priors: expected value and standard deviation by name, or `Prior`s.
+            constraints: equations, or coefficients by name with their value.
+
+        Returns:
+            What is known.
+
+        Raises:
+            ExperimentError: an unknown name, a value that is none, or a fixed one beyond its
+                bounds.
+        """
         with concerning("fixed"):
             values = _by_name(base, fixed, _number)
         with concerning("bounds"):
@@ -262,6 +290,12 @@ def _priors(base: BaseParameters, given: Priors) -> tuple[Prior, ...]:
                     f"the prior of {name} is {value!r}",
                     advice="give the expected value and its standard deviation",
                 ) from None
+            if not _number(name, std) > 0.0:
+                raise ExperimentError(
+                    f"the standard deviation of {name} is {std!r}, so its covariance is not "
+                    "positive definite",
+                    advice="give one above zero; what is certain is fixed",
+                )
             size = np.array([[_number(name, std) ** 2]])
             found.append(Prior((name,), np.array([_number(name, mean)]), size))
         given = found

@@ -147,7 +147,7 @@ class JointSums:
     window_zt: np.ndarray  # Zᵀ τ likewise, shape (windows, k)
     tt: float = 0.0  # τᵀ τ
     rows: int = 0  # number of samples used
-    weight: float = 0.0  # sum of their weights, as many as there are where none are given
+    surplus: float = 0.0  # sum of their weights beyond their number; zero where none are given
     left_out: bool = False  # whether no torque of the joint was measured
 
     @classmethod
@@ -196,8 +196,8 @@ class JointSums:
             # zeros add nothing to any sum, and cost less than picking the samples that are used
             stack *= used.astype(float)
             rows = int(np.count_nonzero(used))
-        self.weight += rows if weights is None else float(weights @ _ones(used, weights))
         if weights is not None:
+            self.surplus += float(weights @ _ones(used, weights)) - rows
             stack *= np.sqrt(weights)
         least_squares = len(stack) == k + 1
         phi, z = slice(0, k), slice(0, k) if least_squares else slice(k, 2 * k)
@@ -220,6 +220,11 @@ class JointSums:
             self.ft += total[phi, -1]
         self.tt += float(total[-1, -1])
         self.rows += rows
+
+    @property
+    def weight(self) -> float:
+        """Sum of the weights of all samples."""
+        return self.rows + self.surplus
 
     def residual_sum(self, theta: np.ndarray) -> float:
         """‖τ - Φθ‖² for all parameters ``theta``, from the sums."""

@@ -34,7 +34,7 @@ from tests.synthetic_identification import synthetic_identification
 
 def validation(whole, shifts, recordings, kind="folds"):
     """Held-out stretches whose estimates are off by multiples of σ, of these recordings."""
-    folds = [replace(whole, theta=whole.theta + shift * whole.std) for shift in shifts]
+    folds = [replace(whole, judged=None, theta=whole.theta + shift * whole.std) for shift in shifts]
     held_out = [
         HeldOut(name, 0.0, 1.0, fold)
         for fold, own in zip(folds, recordings, strict=True)

@@ -71,5 +71,5 @@ def test_the_verdict_says_what_leaving_them_out_did(problem, fitted):
 
 
 def test_where_nothing_is_slight_nothing_is_left_out(problem, fitted):
-    sure = replace(fitted, theta=np.abs(fitted.theta) + 1.0)
+    sure = replace(fitted, judged=None, theta=np.abs(fitted.theta) + 1.0)
     assert left_out(problem, sure) is None

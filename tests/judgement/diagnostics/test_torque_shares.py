@@ -22,7 +22,7 @@ def with_estimate(result, name, value, std):
     robust = result.robust_covariance.copy()
     robust[k], robust[:, k] = 0.0, 0.0
     theta[k], robust[k, k] = value, std**2
-    return dataclasses.replace(result, theta=theta, robust_covariance=robust)
+    return dataclasses.replace(result, judged=None, theta=theta, robust_covariance=robust)
 
 
 def test_the_share_of_coulomb_friction_is_its_value_over_the_torque(fitted):

@@ -89,7 +89,7 @@ def test_negative_friction_is_refused(simulated):
     theta = piv.theta.copy()
     k = piv.names.index("fc3")
     theta[k] = -theta[k]
-    found = verdict(diagnose_one({"piv": dataclasses.replace(piv, theta=theta)}))
+    found = verdict(diagnose_one({"piv": dataclasses.replace(piv, judged=None, theta=theta)}))
     assert statement(found, "physics").severity == "warning"
     assert found.answer("simulation") == "no" and "fc3" in found.headline
     assert "fc3" in statement(found, "physics").message

@@ -259,6 +259,7 @@ def test_degenerate_results_have_a_report():
     bare = JointFit("shoulder", "N", 0.1, 1.0, np.nan, "N", 0, False, 0, 0.0, np.nan, np.nan)
     odd = replace(
         identification,
+        judged=None,
         theta=np.zeros(13),
         covariance=np.zeros((13, 13)),
         robust_covariance=np.full((13, 13), np.nan),

@@ -53,7 +53,7 @@ def test_remarks_on_parameters():
     theta = identification.theta.copy()
     theta[identification.names.index("fv1")] *= -1.0
     theta[identification.names.index("zz2")] = 0.0
-    text = said(findings(replace(identification, theta=theta)))
+    text = said(findings(replace(identification, judged=None, theta=theta)))
     assert "1 of 13 parameters are not significantly different from zero, which their ±2σ" in text
     assert "includes: zz2." in text
     assert "Negative, which friction and rotor inertia cannot be: fv1." in text
@@ -87,6 +87,6 @@ def test_disagreements_name_parameter_and_methods():
     first = good()
     theta = first.theta.copy()
     theta[0] += 5.0 * np.hypot(first.robust_std[0], first.robust_std[0])
-    text = disagreements([first, replace(first, theta=theta)], ["IDIM-IV", "IDIM-PIV"])
+    text = disagreements([first, replace(first, judged=None, theta=theta)], ["IDIM-IV", "IDIM-PIV"])
     assert "zz1r (IDIM-IV and IDIM-PIV)" in text
     assert disagreements([first, first], ["a", "b"]) is None

@@ -50,7 +50,7 @@ def test_deviations_are_those_of_estimates_drawn_from_the_covariance(iv, found):
     feedbacks = joint_feedbacks(LAW, 1000.0, 2)
     names = list(iv.names)
     for k, theta in enumerate(draws):
-        for j, own in enumerate(inertia_ranges(replace(iv, theta=theta))):
+        for j, own in enumerate(inertia_ranges(replace(iv, judged=None, theta=theta))):
             inertia[k, j] = own.mean
             viscous = theta[names.index(f"fv{j + 1}")]
             bandwidth[k, j] = JointLoop(own.mean, viscous, feedbacks[j]).bandwidth
@@ -105,7 +105,7 @@ def test_what_cannot_be_drawn_says_why(iv):
     assert not wild.joints[1].reason
     free = in_loop(iv, controller=PD([0.0, 2500.0], [0.0, 60.0]))
     assert "does not keep the joint on its reference" in free.joints[0].reason
-    negative = identified_loop(replace(iv, theta=-iv.theta))
+    negative = identified_loop(replace(iv, judged=None, theta=-iv.theta))
     assert "not positive" in negative.joints[0].reason and negative.joints[0].loop is None
 
 

@@ -44,7 +44,9 @@ def states(robot, count=60):
 
 def test_a_consistent_estimate_is_lifted_and_keeps_its_torques():
     free = synthetic_identification(robot_name="staubli_tx40", relative_std=1e-4)
-    free = replace(free, theta=np.where(np.array(free.names) == "iam6", 1e-3, free.theta))
+    free = replace(
+        free, judged=None, theta=np.where(np.array(free.names) == "iam6", 1e-3, free.theta)
+    )
     before = free.theta.copy()
     model = make_consistent(free)
     assert model.was_consistent
@@ -213,7 +215,7 @@ def test_a_thin_flange_is_real_wherever_the_reference_has_its_centre_of_mass(apa
     truth, reference = (replace(free.robot, links=(upper, own)) for own in (flange, cad))
     base = base_parameters(truth)
     values = nominal_values(truth, base.standard)
-    exact = replace(free, robot=truth, theta=base.values(values), recordings=())
+    exact = replace(free, robot=truth, judged=None, theta=base.values(values), recordings=())
     # what is open is said: then a plate in its true place is the only body there is
     bounds = Bounds(
         mass={"forearm": (0.499, 0.501)},
@@ -284,7 +286,7 @@ def test_rotors_that_nobody_described_are_not_taken_for_links():
     robot = free.robot
     bare = replace(robot, rotor_inertia=np.zeros(robot.size))
     heavy = np.array([1.0 if name == "zz1r" else 0.0 for name in free.names])
-    model = make_consistent(replace(free, robot=bare, theta=free.theta + 3.0 * heavy))
+    model = make_consistent(replace(free, robot=bare, judged=None, theta=free.theta + 3.0 * heavy))
     nominal = np.array([link.inertia[9] for link in robot.links])
     masses = np.array([body.mass for body in model.links])
     assert np.abs(masses / nominal - 1.0).max() < 0.3
@@ -302,4 +304,4 @@ def test_signs_that_no_machine_has_are_told_without_bounds():
     free = synthetic_identification(relative_std=1e-3)
     wrong = np.where(np.char.startswith(free.names, "zz"), -50.0, free.theta)
     with pytest.raises(IdentificationError, match=r"too far from any machine|--accept-far"):
-        make_consistent(replace(free, theta=wrong, torque_sums=None))
+        make_consistent(replace(free, judged=None, theta=wrong, torque_sums=None))

@@ -58,6 +58,7 @@ def test_parameters_that_were_left_out_are_not_in_the_table():
         parameters=free.parameters[:3],
         names=free.names[:3],
         expressions=free.expressions[:3],
+        judged=None,
         theta=free.theta[:3],
         covariance=free.covariance[:3, :3],
         robust_covariance=free.robust_covariance[:3, :3],

@@ -15,7 +15,7 @@ def result(seed, method="IDIM-PIV", record=None, **changes):
     theta = made.theta.copy()
     for name, factor in changes.items():
         theta[made.names.index(name)] *= factor
-    return replace(made, theta=theta)
+    return replace(made, judged=None, theta=theta)
 
 
 def without(identification, *names):
@@ -31,6 +31,7 @@ def without(identification, *names):
         parameters=chosen(identification.parameters),
         names=chosen(identification.names),
         expressions=chosen(identification.expressions),
+        judged=None,
         theta=identification.theta[kept],
         covariance=identification.covariance[block],
         robust_covariance=identification.robust_covariance[block],

@@ -248,7 +248,11 @@ class Noticed(Displayed):
     findings: tuple[Finding, ...] = ()
 
     def along(self, freedom: Freedom) -> Noticed:
-        """The same of all parameters, of which those in the solution are free."""
+        """The same of all parameters, of which those in the solution are free.
+
+        Args:
+            freedom: of all parameters.
+        """
         basis, own = freedom.basis, self.solved
         made = replace(
             own,

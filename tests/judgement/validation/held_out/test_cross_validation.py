@@ -273,7 +273,7 @@ def test_second_recording_is_predicted_and_replayed(made, problem):
 
 def test_replay_with_a_wrong_mass_is_worse(problem):
     found = identify(problem, "iv-full-rate")
-    heavy = replace(found, theta=found.theta * [1.2, 1.0, 1.0, 1.0])
+    heavy = replace(found, judged=None, theta=found.theta * [1.2, 1.0, 1.0, 1.0])
     replay = Replay(problem, Judge(problem.recordings[0]))
     span = [slice(200, None)]
     (right,), (wrong,) = replay.score(found, span), replay.score(heavy, span)

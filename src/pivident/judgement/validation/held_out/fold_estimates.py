@@ -143,7 +143,7 @@ def _is_left_out(part: Piece, fold: Fold) -> bool:
 
 def _together(parts: Sequence[Sequence[JointSums]]) -> list[JointSums]:
     """The sums of several parts added up, of all joints."""
-    names = "zf", "zz", "ff", "zt", "ft", "tt", "rows", "weight"
+    names = "zf", "zz", "ff", "zt", "ft", "tt", "rows", "surplus"
     return [
         replace(own[0], **{name: sum(getattr(part, name) for part in own) for name in names})
         for own in zip(*parts, strict=True)
