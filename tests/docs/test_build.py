@@ -99,7 +99,7 @@ def test_every_tie_names_an_object_where_it_is_defined():
 
 
 def test_a_tie_to_nothing_is_refused():
-    with pytest.raises(MissingObject, match="has no 'smoothe'"):
+    with pytest.raises(MissingObject, match="has no 'irwsmo'"):
         object_named("pivident.signals.random_walk.irwsmo")
 
 

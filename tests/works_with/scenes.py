@@ -144,6 +144,15 @@ class Feature:
     handled: Callable[[Method], bool]
 
 
+def _known(title: str, **given: object) -> Feature:
+    """Something that is known of the parameters beforehand."""
+    return Feature(
+        title,
+        lambda m: run(problem(**given), m),
+        lambda m: set(given) <= set(m.handles.known),
+    )
+
+
 FEATURES = {
     "trees": Feature("open chains and trees", lambda m: run(problem(), m), lambda m: True),
     "closed_loops": Feature(
@@ -188,5 +197,14 @@ FEATURES = {
         "payloads",
         lambda m: identify_payload(problem(), [loaded()], m).load.values,
         lambda m: m.handles.payload,
+    ),
+    "fixed": _known("known values", fixed={"fv1": 2.0}),
+    "bounds": _known("bounds", bounds={"fv1": (0.0, None)}),
+    "priors": _known("priors", priors={"fv1": (2.0, 1.0)}),
+    "constraints": _known("linear equations", constraints=[({"fv1": 1.0, "fv2": -1.0}, 0.0)]),
+    "weights": Feature(
+        "weights of samples",
+        lambda m: run(problem(weights={"elbow": 0.5}), m),
+        lambda m: m.handles.weights,
     ),
 }

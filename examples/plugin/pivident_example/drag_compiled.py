@@ -7,7 +7,7 @@ Written by ``python -m pivident.dynamics.generate_friction`` from declarations, 
 # ruff: noqa
 from __future__ import annotations
 
-from math import exp, log, sqrt
+from math import atan, exp, log, pi, sqrt, tanh
 
 from pivident.dynamics.friction_kernels import column_function
 from pivident.dynamics.elementary import cos, direction, power, sin, size

@@ -143,8 +143,8 @@ def own_friction(
         The term; its ``column.slope_error`` says how exact numeric slopes are.
 
     Raises:
-        ValueError: a name that is taken; a function that cannot be compiled, has other arguments,
-            is not a number somewhere, or jumps at standstill.
+        UnusableValue: a name that is taken; a function that cannot be compiled, has other
+            arguments, is not a number somewhere, or jumps at standstill.
     """
     _check_name(name)
     options: dict[str, Any] = {

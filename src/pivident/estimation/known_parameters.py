@@ -131,7 +131,7 @@ class KnownParameters:
             base: the robot's base parameters.
             fixed: values by name.
             bounds: least and largest value by name, None for none.
-            priors: expected value and standard deviation by name, or `Prior`s.
+            priors: expected value and standard deviation by name, or sets of them, each a `Prior`.
             constraints: equations, or coefficients by name with their value.
 
         Returns:

@@ -21,6 +21,7 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RECIPES, Bandpass, SignalRecipe
 from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.foundation.options import Options, declarations, option
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.sentences import listed
 from pivident.loop.instruments.kinds import KINDS
@@ -58,7 +59,7 @@ KNOWN = ("fixed", "bounds", "priors", "constraints")
 
 
 @dataclass(frozen=True)
-class Handles:
+class Handles(Displayed):
     """What a method copes with.
 
     Attributes:

@@ -166,8 +166,8 @@ class Problem(Printed):
             that the robot's description knows of the parameters that are not among
             ``parameters``, which otherwise are zero.
         bounds: least and largest value by parameter name, None for none, as in ``(0, None)``.
-        priors: expected value and standard deviation by parameter name, or `Prior`s with a
-            covariance; they count as further measurements.
+        priors: expected value and standard deviation by parameter name, or several of them as a
+            `Prior` with a covariance; they count as further measurements.
         weights: what samples count: a number by joint name, an array of shape (samples, joints), or
             one such array for each recording, as the ``weights`` of `Recording`, where they are
             kept. Zero leaves a sample out.
@@ -207,7 +207,6 @@ class Problem(Printed):
         object.__setattr__(self, "robot", _robot_of_torques(self.robot, self.recordings))
         matched = tuple(in_order_of(self.robot, recording) for recording in self.recordings)
         object.__setattr__(self, "recordings", matched)
-        check_torques(matched, self.robot)
         for recording in self.recordings:
             check_within_reach("q", recording.q, self.robot)
             if recording.q_ref is not None:
@@ -215,6 +214,7 @@ class Problem(Printed):
         if self.loop is not None:
             self.loop.controller.check(self.robot.size - self.robot.base_joints)
         self._weigh_samples()
+        check_torques(self.recordings, self.robot)
         self._complete_torques()
         if isinstance(self.mask, (int, float)) and not 0 <= self.mask < 1:
             raise ExperimentError(f"mask is a share of the rated speed, 0 to 1, not {self.mask}")

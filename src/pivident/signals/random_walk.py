@@ -37,6 +37,7 @@ from numpy.typing import ArrayLike
 from pivident.foundation.common_work import once
 from pivident.foundation.errors import NonFiniteSamples, RecordingError
 from pivident.foundation.scratch import working_array
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.threads import run_in_threads, thread_count
 from pivident.signals.coloured_walk_likelihood import (
     NoiseColour,
@@ -65,7 +66,7 @@ PER_CHANNEL = "q dq ddq nvr f50 noise_std on_bound log_nvr_std log_likelihood".s
 
 
 @dataclass(frozen=True, eq=False)
-class SmoothedSignal:
+class SmoothedSignal(Displayed):
     """A smoothed record with its derivatives and the properties of the smoother.
 
     Trajectories have the shape of the input, (samples,) or (samples, channels). The other arrays

@@ -23,7 +23,7 @@ def fitted():
     x = rng.standard_normal((400, len(result.names)))
     y = x @ result.theta + rng.standard_normal(400)
     fit = sm.OLS(y, x).fit(use_t=False)
-    return fit, replace(result, theta=fit.params, robust_covariance=fit.cov_params())
+    return fit, replace(result, judged=None, theta=fit.params, robust_covariance=fit.cov_params())
 
 
 def test_estimates_are_those_of_statsmodels():

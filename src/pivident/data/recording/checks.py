@@ -180,6 +180,8 @@ def check_not_saturated(
 def check_torques(recordings: Sequence[Any], robot: Robot) -> None:
     """Refuse a driven joint that moves while its measured torque is zero at every sample.
 
+    A joint all of whose samples are left out has no equation that the torque could be missing in.
+
     Args:
         recordings: the runs, one column for each joint.
         robot: whose joints they are.
@@ -189,8 +191,9 @@ def check_torques(recordings: Sequence[Any], robot: Robot) -> None:
     """
     measured = [r for r in recordings if r.torque_source == "measured"]
     for j, joint in enumerate(robot.joints if measured else ()):
-        if joint.motion == "driven" and not any(r.tau[:, j].any() for r in measured):
-            if any(np.ptp(r.q[:, j]) for r in measured):
+        used = [r for r in measured if r.valid is None or r.valid[:, j].any()]
+        if joint.motion == "driven" and not any(r.tau[:, j].any() for r in used):
+            if any(np.ptp(r.q[:, j]) for r in used):
                 raise RecordingError(
                     f"the torque of joint {joint.name!r} is zero at every sample, and it moves",
                     advice="check its column of tau; no parameter of its drive can be estimated",
