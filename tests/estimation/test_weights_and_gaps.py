@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pivident.data.recording.recording import Recording
+from pivident.data.recording.usable_samples import filled
 from pivident.estimation.identify import identify
 from pivident.estimation.instrumental_variables import IV_FULL_RATE
 from pivident.estimation.least_squares import LeastSquares
@@ -135,11 +136,30 @@ def test_a_weight_of_zero_leaves_a_sample_out(problem, method):
     weights[1000:1400, 1] = 0.0
     valid = weights > 0.0
     found = identify(replace(problem, weights=weights), method)
-    cut = replace(problem, recordings=tuple(replace(r, valid=valid) for r in problem.recordings))
-    expected = identify(cut, method)
+    (whole,) = problem.recordings
+    line = filled(np.where(valid, whole.tau, np.nan), positions=False)
+    cut = replace(whole, tau=line, valid=valid)
+    expected = identify(replace(problem, recordings=(cut,)), method)
     assert np.array_equal(found.theta, expected.theta)
     assert found.joints[1].rows < identify(problem, method).joints[1].rows
     assert found.joints[0].rows == identify(problem, method).joints[0].rows
+
+
+@pytest.mark.parametrize("method", ["ls", "iv", "piv", "ekf", "oloe"])
+def test_what_a_sample_of_weight_zero_holds_is_of_no_consequence(signals, method):
+    weights = np.ones((SAMPLES, 2))
+    weights[1000:1040, 1] = 0.0
+    _, _, tau, _ = signals
+    wrong = np.where(weights > 0.0, tau, tau + 100.0)
+    pair = [replace(problem_of(signals, tau=each), weights=weights) for each in (tau, wrong)]
+    right, other = (identify(each, method) for each in pair)
+    assert np.array_equal(right.theta, other.theta)
+
+
+@pytest.mark.parametrize("method", ["frequency", "ekf", "particle"])
+def test_methods_of_all_torques_at_once_take_no_joint_without_equation(problem, method):
+    with pytest.raises(ExperimentError, match="joint 'shoulder' has no equation"):
+        identify(replace(problem, without_equation="shoulder"), method)
 
 
 @pytest.mark.parametrize("method", [FULL, IV_FULL_RATE])

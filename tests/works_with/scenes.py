@@ -13,6 +13,7 @@ from pivident.data import with_wrenches
 from pivident.data.recording.recording import Recording
 from pivident.estimation.method import Method
 from pivident.loop import virtual_pd
+from pivident.loop.simulation.simulated_record import SimulatedRecord
 from pivident.robot import (
     FrictionLaw,
     WrenchSensor,
@@ -43,11 +44,14 @@ def reference(size: int, reach: float = 0.7) -> np.ndarray:
 
 
 @cache
+def simulated() -> SimulatedRecord:
+    """The planar arm in its loop, with its true values."""
+    return pv.simulate(ARM, LOOP, reference(2), rate=RATE, encoder=2e-6, torque=0.05, seed=1)
+
+
 def recording() -> Recording:
-    """The planar arm in its loop."""
-    q_ref = reference(2)
-    made = pv.simulate(ARM, LOOP, q_ref, rate=RATE, encoder=2e-6, torque=0.05, seed=1)
-    return made.recording
+    """What was logged of it."""
+    return simulated().recording
 
 
 def problem(**changes: object) -> pv.Problem:
@@ -95,6 +99,13 @@ def without_reference() -> pv.Problem:
     """A virtual loop around the measured motion."""
     loop = pv.Loop(virtual_pd(ARM, recording().q.mean(axis=0)), reference="smoothed")
     return problem(loop=loop)
+
+
+def one_equation() -> pv.Problem:
+    """A shoulder that moves and whose torque does not count; what belongs to it alone is known."""
+    truth = simulated().truth
+    own = {name: truth[name] for name in problem().names[:6]}
+    return problem(without_equation="shoulder", fixed=own)
 
 
 def choose(method: Method) -> np.ndarray:
@@ -206,5 +217,10 @@ FEATURES = {
         "weights of samples",
         lambda m: run(problem(weights={"elbow": 0.5}), m),
         lambda m: m.handles.weights,
+    ),
+    "without_equation": Feature(
+        "joints without an equation",
+        lambda m: run(one_equation(), m),
+        lambda m: m.handles.without_equation,
     ),
 }

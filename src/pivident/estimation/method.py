@@ -75,6 +75,7 @@ class Handles(Displayed):
         known: what may be known of the parameters beforehand, of the problem's ``fixed``,
             ``bounds``, ``priors`` and ``constraints``.
         weights: weights of samples.
+        without_equation: joints that move and whose torque does not count.
     """
 
     wrenches: bool = True
@@ -88,6 +89,7 @@ class Handles(Displayed):
     payload: bool = False
     known: tuple[str, ...] = KNOWN
     weights: bool = True
+    without_equation: bool = True
 
 
 @dataclass(frozen=True)
@@ -283,6 +285,12 @@ class Method(Options):
                 f"samples have weights, which {self.label} does not take",
                 advice="use ls, iv-full-rate or piv",
             ).about("weights")
+        if not self.handles.without_equation and (silent := problem.silent_joints):
+            raise ExperimentError(
+                f"joint {silent[0]!r} has no equation, and {self.label} takes the torques of all "
+                "joints at once",
+                advice="use ls, iv-full-rate or piv",
+            ).about("without_equation")
         computed = [r.name for r in problem.recordings if r.torque_source == "law"]
         if computed and not self.handles.computed_torque:
             raise IdentificationError(

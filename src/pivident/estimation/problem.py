@@ -24,6 +24,7 @@ from pivident.data.logs.torque_scale import OUTPUT_UNIT, is_ratio
 from pivident.data.recording.checks import check_torques, check_within_reach
 from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
+from pivident.data.recording.usable_samples import filled
 from pivident.dynamics.base_parameters import (
     BaseParameters,
     base_parameters,
@@ -269,11 +270,14 @@ class Problem(Printed):
         recordings = []
         for recording, own in zip(self.recordings, weights, strict=True):
             valid = np.ones(recording.q.shape, bool) if recording.valid is None else recording.valid
-            if own is not None:
-                valid = valid & (own != 0.0)
-                own = np.where(own == 0.0, 1.0, own)
-            own = recording.weights if own is None else own
-            recordings.append(replace(recording, valid=valid & ~silent, weights=own))
+            tau = recording.tau
+            if own is not None and not own.all():
+                gone = own == 0.0
+                valid, own = valid & ~gone, np.where(gone, 1.0, own)
+                # or filters would carry what is wrong there into the samples beside it
+                tau = filled(np.where(gone & valid.any(axis=0), np.nan, tau), False)
+            own = recording.weights if own is None or (own == 1.0).all() else own
+            recordings.append(replace(recording, tau=tau, valid=valid & ~silent, weights=own))
         object.__setattr__(self, "recordings", tuple(recordings))
         object.__setattr__(self, "weights", None)
 

@@ -146,6 +146,8 @@ def _degenerate(rows: Rows, made: Solved) -> tuple[Finding, ...]:
     """Whether some combination of joints is explained almost without error."""
     used = np.stack([own.used for own in rows.joints])
     noise = joint_covariance(rows.residuals(made.theta), used, rows.size)
+    heard = used.any(axis=1)  # joints with an equation
+    noise = noise[np.ix_(heard, heard)]
     size = np.sqrt(np.diag(noise))
     least = float(np.linalg.eigvalsh(noise / np.outer(size, size))[0])
     if least >= DEGENERATE:

@@ -120,7 +120,7 @@ class FrequencyDomain(Method):
 
     label: ClassVar[str] = "IDIM-FD"
     summary: ClassVar[str] = "on the lines of a periodic motion"
-    handles: ClassVar[Handles] = Handles(wrenches=False, weights=False)
+    handles: ClassVar[Handles] = Handles(wrenches=False, weights=False, without_equation=False)
     filters_positions: ClassVar[bool] = False
     of_computed_torque: ClassVar[tuple[Finding, ...]] = (BIASED,)
 

@@ -180,7 +180,8 @@ def open_stretches(
         def cut(start: int, stop: int, recording=recording, smooth=smooth) -> Stretch:
             span = slice(start, stop)
             part = recording.part(start, stop)
-            own = replace(smooth, q=smooth.q[:, span], dq=smooth.dq[:, span])
+            seen = None if smooth.measured is None else smooth.measured[:, span]
+            own = replace(smooth, q=smooth.q[:, span], dq=smooth.dq[:, span], measured=seen)
             q, dq = own.q.T, own.dq.T
             signals = _open_signals(part, q, dq)
             begin = (q[0].copy(), dq[0].copy())

@@ -98,7 +98,7 @@ class FilterOptions(Method):
 
     group: ClassVar[str] = "Filters"
     handles: ClassVar[Handles] = Handles(
-        wrenches=False, inner_friction=False, known=(), weights=False
+        wrenches=False, inner_friction=False, known=(), weights=False, without_equation=False
     )
     refit: ClassVar[Refit] = "samples"
     correlated_start: ClassVar[bool] = False
