@@ -2,7 +2,7 @@
 
 import pytest
 
-from pivident.app.cli.remaining import PRIOR, Remaining
+from pivident.app.cli.remaining import TELLING, Remaining
 
 STAGES = {"first": 10.0, "second": 20.0, "third": 5.0}
 
@@ -35,16 +35,24 @@ def test_the_pace_is_that_of_this_run(clock):
     left = Remaining(STAGES, clock)
     left.begin("first")
     clock.now += 30.0  # not 10: all the rest will take about three times as long
-    slowed = (PRIOR + 30.0) / (PRIOR + 10.0)
+    slowed = (1.0 + 30.0) / (1.0 + 10.0)
     assert left.seconds == pytest.approx(slowed * 25.0)
     left.begin("second")
     assert left.seconds == pytest.approx(slowed * 25.0)
     clock.now += 20.0 * slowed
     left.begin("third")
     clock.now += 1.0
-    assert left.seconds == pytest.approx(
-        5.0 * (PRIOR + 30.0 + 20.0 * slowed) / (PRIOR + 30.0) - 1.0
-    )
+    assert left.seconds == pytest.approx(5.0 * (1.0 + 30.0 + 20.0 * slowed) / (1.0 + 30.0) - 1.0)
+
+
+def test_a_slow_beginning_announces_a_slow_run(clock):
+    left = Remaining(STAGES, clock, before=(2.0, 5.0))
+    assert left.seconds == pytest.approx(2.5 * 35.0)
+    left.begin("first")
+    clock.now += 10.0  # the machine is free again
+    left.begin("second")
+    assert left.seconds == pytest.approx((5.0 + 10.0) / (2.0 + 10.0) * 25.0)
+    assert Remaining(STAGES, clock, before=(1.0, 90.0)).seconds == pytest.approx(TELLING * 35.0)
 
 
 def test_a_stage_that_takes_longer_slows_what_follows_at_once(clock):

@@ -40,7 +40,7 @@ def test_lines_say_what_the_terminal_shows(channel, capsys):
         {"keep": "ls: done"},
         {"stage": "report", "number": 2, "of": 2},
     ]
-    assert 2.0 < left[0] <= 3.0 and 0.0 < left[-1] <= 1.0
+    assert left[0] == 3.0 and 2.0 < left[1] <= 3.0 and 0.0 < left[-1] <= 1.0
     assert capsys.readouterr().err.splitlines() == ["reading", "between", "σ", "of it", "ls: done"]
 
 

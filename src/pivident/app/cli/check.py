@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pivident.app.cli.console import DONE, FAULTY_LOG, WRONG_INPUT, Progress, print_findings
+from pivident.app.cli.console import BEGUN, DONE, FAULTY_LOG, WRONG_INPUT, Progress, print_findings
 from pivident.foundation.text.finding import counted
 from pivident.foundation.text.printable import escaped
 
@@ -34,27 +36,36 @@ def check(
     as_json
         Print everything as JSON, for programs.
     """
+    from pivident.app.cli.compile_ahead import compile_in_first_run
+    from pivident.app.cli.remaining import pace
     from pivident.experiment.check.experiment_check import check_experiment
+    from pivident.experiment.check.plan import LIBRARIES
 
+    taken = time.perf_counter() - BEGUN
+    compile_in_first_run()
     with Progress() as progress:
         found = check_experiment(experiment, robot, progress.say)
     if as_json:
         print(json.dumps(found.as_json(), ensure_ascii=False, allow_nan=False, indent=1))
     else:
-        print_check(found)
+        print_check(found, pace(LIBRARIES, taken))
     if found.refused:
         return WRONG_INPUT
     return FAULTY_LOG if found.severity == "error" else DONE
 
 
-def print_check(found: ExperimentCheck) -> None:
-    """Remarks, the gravest first; then what was checked and what would be estimated."""
+def print_check(found: ExperimentCheck, slowness: float = 1.0) -> None:
+    """Remarks, the gravest first; then what was checked and what would be estimated.
+
+    ``slowness``: by which the expected time is longer here.
+    """
     print(escaped(f"{found.path}: {_headline(found)}"))
     print_findings(found.remarks)
     print("Checked: " + escaped("; ".join(found.looked_at)) + ".")
     if found.plan is not None:
         when = " once the gaps are fixed as said above" if found.refused else ""
-        print(escaped(f"To be estimated{when}:\n{found.plan}"))
+        plan = replace(found.plan, seconds=found.plan.seconds * slowness)
+        print(escaped(f"To be estimated{when}:\n{plan}"))
 
 
 def _headline(found: ExperimentCheck) -> str:

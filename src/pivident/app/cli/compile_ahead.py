@@ -18,10 +18,9 @@ from pivident.foundation.compiled import is_compiled
 
 def compile_ahead() -> None:
     """Start a process that compiles, unless the longest kernels are in the cache already."""
-    from pivident.dynamics.regressor_kernels import observe
     from pivident.loop.simulation.loop_kernel import run_loop
 
-    if is_compiled(observe) and is_compiled(run_loop):
+    if not is_first_run() and is_compiled(run_loop):
         return
     process = subprocess.Popen(
         [sys.executable, "-m", __name__],
@@ -30,6 +29,19 @@ def compile_ahead() -> None:
         stderr=subprocess.DEVNULL,
     )
     atexit.register(_end, process)
+
+
+def is_first_run() -> bool:
+    """Whether not even the observation matrix is in the cache, which every command needs."""
+    from pivident.dynamics.regressor_kernels import observe
+
+    return not is_compiled(observe)
+
+
+def compile_in_first_run() -> None:
+    """Let the first command of all compile what the next one needs, beside its own work."""
+    if is_first_run():
+        compile_ahead()
 
 
 def _end(process: subprocess.Popen) -> None:

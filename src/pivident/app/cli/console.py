@@ -4,7 +4,7 @@ Progress of a command for the program that started it: JSON, a line each, at the
 
 The environment variable ``PIVIDENT_PROGRESS`` names the file:
 
-    {"stages": {"ls": 3.1, "piv": 14.0}}                    what will be done, expected seconds
+    {"stages": {"ls": 3.1, "piv": 14.0}, "left_s": 18.9}    what will be done, expected seconds
     {"stage": "piv", "number": 2, "of": 4, "left_s": 15.2}  a stage begins
     {"say": "PIV: iteration 3 …", "number": 2, "of": 4, "left_s": 9.7}
     {"keep": "IDIM-PIV: 6 iterations …"}                    what has been done
@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 import warnings
 from collections.abc import Iterable
 from contextlib import suppress
@@ -51,6 +52,8 @@ if TYPE_CHECKING:
 _WITH_PLACE = warnings.formatwarning
 #: The environment variable that names the file.
 ENVIRONMENT = "PIVIDENT_PROGRESS"
+#: When the command began, by `time.perf_counter` [s].
+BEGUN = time.perf_counter()
 DONE, WRONG_INPUT, WRONG_USAGE, NOT_CONVERGED, FAULTY_LOG, INTERRUPTED = 0, 1, 2, 3, 4, 130
 
 
@@ -136,6 +139,7 @@ class Progress:
         self._channel = ProgressChannel()
         self._status: Status | None = None
         self._remaining: Remaining | None = None
+        self._before: tuple[float, float] | None = None
         self._line = ""
 
     def __enter__(self) -> Progress:
@@ -156,12 +160,16 @@ class Progress:
             self._status.stop()
             self._status = None
 
+    def ready(self, expected: float) -> None:
+        """What came before the stages is done, of which so many seconds were expected."""
+        self._before = expected, time.perf_counter() - BEGUN
+
     def stages(self, expected: Mapping[str, float]) -> None:
         """What stages there will be, and how long each is expected to take [s]."""
-        from pivident.app.cli.remaining import Remaining
+        from pivident.app.cli.remaining import PRIOR, Remaining
 
-        self._remaining = Remaining(expected)
-        self._channel.write(stages=dict(expected))
+        self._remaining = Remaining(expected, before=self._before or PRIOR)
+        self._channel.write(stages=dict(expected), left_s=round(self._remaining.seconds, 1))
 
     def begin(self, stage: str) -> None:
         """The next stage begins."""

@@ -107,10 +107,12 @@ def run_init(
 
     True where nothing stands in the way of an identification.
     """
+    from pivident.app.cli.compile_ahead import compile_in_first_run
     from pivident.experiment.init.draft import draft_experiment
     from pivident.foundation.files import atomic_folder
 
     check_target(out, logs, robot, force)
+    compile_in_first_run()
     answers: Answers = {}
     while True:
         with Progress() as progress:

@@ -7,31 +7,49 @@ from collections.abc import Callable, Mapping
 
 from pivident.experiment.check.plan import in_words
 
-#: Seconds of work for which the expected pace stands against the measured one.
-PRIOR = 1.0
+#: What comes before the stages where nothing is known of it: expected, and taken [s].
+PRIOR = (1.0, 1.0)
+
+#: How much slower or faster than expected a beginning may have been and still tell the pace: disks
+#: that are cold delay the beginning alone.
+TELLING = 4.0
 
 #: Less than this is not worth a word [s].
 SHORT = 3.0
 
 
+def pace(expected: float, taken: float) -> float:
+    """How much slower this computer is now than the one whose times are expected, from a beginning.
+
+    ``expected``, ``taken``: seconds of what is behind.
+    """
+    return min(max(taken / expected, 1.0 / TELLING), TELLING)
+
+
 class Remaining:
     """Stages of a run, how long each is expected to take, and how long those done have taken.
 
-    The pace is the time that the stages behind have taken over the time that was expected of them.
-    A stage that takes longer than expected slows it at once, not only when it ends.
+    The pace is the time that all that is behind has taken over the time that was expected of it: at
+    first the libraries and the records, then one stage after the other. A stage that takes longer
+    than expected slows it at once, not only when it ends.
 
     Args:
         expected: seconds of each stage by its name, in their order.
         clock: what the time is read from [s].
+        before: what came before the stages: seconds expected of it, and taken.
     """
 
     def __init__(
-        self, expected: Mapping[str, float], clock: Callable[[], float] = time.perf_counter
+        self,
+        expected: Mapping[str, float],
+        clock: Callable[[], float] = time.perf_counter,
+        before: tuple[float, float] = PRIOR,
     ) -> None:
         self._expected, self._clock = dict(expected), clock
         self._order = list(expected)
         self._stage, self._since = "", clock()
-        self._done = self._taken = PRIOR
+        self._done = before[0]
+        self._taken = self._done * pace(*before)
 
     def begin(self, stage: str) -> None:
         """A stage begins, and the one before has ended."""

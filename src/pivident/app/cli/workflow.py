@@ -37,6 +37,8 @@ from pivident.experiment.check.plan import (
     WRITTEN,
     expected_stages,
     first_run,
+    in_words,
+    time_before,
 )
 from pivident.experiment.edited_file import with_repair
 from pivident.foundation.common_work import shared_work
@@ -141,6 +143,8 @@ def run_experiment(
         compile_ahead()
         problem, validation = experiment.problem(progress.say), experiment.content.validation
         unseen = experiment.unseen_recordings()
+        law = experiment.content.controller
+        progress.ready(time_before(problem, law_unknown=law is not None and law.type == "identify"))
         folds = validation.folds if folds is None else folds
         essential, shaped = None, None
         last = list(methods.values())[-1]
@@ -160,6 +164,7 @@ def run_experiment(
         if kinds := kinds_of(free or experiment.content.identify.free or ()):
             freed = corrections(problem, last, kinds, progress.say)
             problem = freed.problem
+        say_compiling(progress, methods)
         progress.stages(_stages(problem, methods, folds, len(consistent)))
         outcome = identify_all(problem, methods, progress, attempts)
         if freed is not None:
@@ -220,9 +225,10 @@ def run_demo(out: Path, seed: int = 0) -> Outcome:
     compile_ahead()
     with Progress() as progress, shared_work():
         attempts = Attempts(progress.keep)
-        progress.say("simulating the closed loop of a TX40 (the first run compiles, be patient)")
-        problem, truth = tx40_machine(seed)
         methods = {n: METHODS[n] for n in DEMO_METHODS}
+        say_compiling(progress, methods)
+        progress.say("simulating the closed loop of a TX40")
+        problem, truth = tx40_machine(seed)
         progress.stages(_stages(problem, methods, DEMO_FOLDS))
         outcome = identify_all(problem, methods, progress, attempts)
         progress.begin(JUDGED)
@@ -250,6 +256,14 @@ def corrected(outcome: Outcome, made: Corrections) -> Outcome:
     return replace(
         outcome, identifications={n: with_corrections(r, made) for n, r in results.items()}
     )
+
+
+def say_compiling(progress: Progress, methods: Mapping[str, Method]) -> None:
+    """What a first run waits for, and how long."""
+    if seconds := first_run(methods):
+        progress.keep(
+            f"Compiling for this computer takes about {in_words(seconds)}, in this first run only."
+        )
 
 
 def _stages(

@@ -79,7 +79,8 @@ class RunProgress:
             self._of, self._left = len(expected), sum(expected)
         if "left_s" in entry:
             self._left = float(entry["left_s"])
-            self._number, self._of = int(entry["number"]), int(entry["of"])
+            self._number = int(entry.get("number", self._number))
+            self._of = int(entry.get("of", self._of))
         self._stage = str(entry.get("stage", self._stage))
         self._line = _line(entry.get("say", self._line))
         if "keep" in entry:

@@ -138,6 +138,9 @@ def plan_of(
     )
 
 
+#: Libraries that a command loads before it begins [s].
+LIBRARIES = 0.9
+
 #: T₀: libraries, robot and records [s].
 START = 1.6
 
