@@ -121,7 +121,15 @@ LISTED = (
         "control.StateSpace  control.TransferFunction  sympy.cse",
     ),
     Listed("levels of BIRDy's protocol", "docs/studies.md", "n5  d4  rv2sq"),
-    Listed("what statsmodels has and pivident has not", "docs/*", "llf"),
+    Listed(
+        "names of other packages that are compared with",
+        "docs/reference/beside.md",
+        """
+        llf  std_errors  tstats  coef_  wald_test  get_robustcov_results  first_stage
+        sargan  wu_hausman  fit_constrained  fit_regularized  get_prediction  get_params  clone
+        sample_weight  missing="drop"
+        """,
+    ),
     Listed("folder that the benchmarks write", "docs/speed.md", "benchmarks/results/"),
     Listed(
         "columns of logs that are recognised",
