@@ -49,7 +49,9 @@ def test_every_name_of_the_front_door_exists():
 
 
 def test_the_front_door_is_small():
-    assert len(pivident.__all__) <= 30
+    assert (
+        len(pivident.__all__) <= 31
+    )  # one more than 30: the equations, for estimators of one's own
 
 
 @pytest.mark.parametrize("name", FRONTS)

@@ -3,6 +3,7 @@ from .data.recording.load import load_recording as load_recording
 from .data.recording.recording import Recording as Recording
 from .dynamics.base_parameters import base_parameters as base_parameters
 from .estimation.identification import Identification as Identification
+from .estimation.identify import build_regression as build_regression
 from .estimation.instrumental_variables import InstrumentalVariables as InstrumentalVariables
 from .estimation.least_squares import LeastSquares as LeastSquares
 from .estimation.prefiltered_iv import PrefilteredIV as PrefilteredIV

@@ -8,6 +8,7 @@ import pytest
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import build_regression, identify
 from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.methods import method_named
 from pivident.estimation.own_estimate import OwnMethod
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.estimation.stored_identification import load_identification
@@ -180,3 +181,8 @@ def test_given_parameters_are_checked(problem):
         Identification.of(problem, np.ones(4))
     with pytest.raises(IdentificationError, match="finite"):
         Identification.of(problem, {"zz1": 1.0})
+
+
+def test_consistent_estimates_are_no_method_of_identify():
+    with pytest.raises(IdentificationError, match=r"'piv' and give the result to make_consistent"):
+        method_named("pc-piv")

@@ -140,7 +140,7 @@ def own_friction(
         dissipative: whether the parameter cannot be negative.
 
     Returns:
-        The term; its ``column.slope_error`` says how exact numeric slopes are.
+        The term; ``slope_error`` of its column says how exact numeric slopes are.
 
     Raises:
         UnusableValue: a name that is taken; a function that cannot be compiled, has other

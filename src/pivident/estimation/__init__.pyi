@@ -12,7 +12,6 @@ from .drives.gear_losses import identify_gears as identify_gears
 from .drives.known_payload import Payload as Payload
 from .drives.log_units import MotorInLogUnits as MotorInLogUnits
 from .drives.log_units import identify_in_log_units as identify_in_log_units
-from .identify import build_regression as build_regression
 from .kinematics import estimate_kinematics as estimate_kinematics
 from .known_parameters import Equality as Equality
 from .known_parameters import KnownParameters as KnownParameters

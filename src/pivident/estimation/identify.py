@@ -102,6 +102,14 @@ def build_regression(
         Φ, shape (samples, joints, parameters), and τ, shape (samples, joints) [N m or N], over
         the usable samples of all recordings. Friction that grows with the load has the load of the
         problem's initial values.
+
+    Examples:
+        >>> t = np.arange(0.0, 4.0, 0.01)[:, None]
+        >>> q = np.sin(t * [2.0, 3.0])
+        >>> record = pv.Recording.from_arrays(q, np.cos(t * [2.0, 3.0]), rate=100)
+        >>> phi, tau = pv.build_regression(pv.Problem(pv.load_robot("planar_2r"), (record,)))
+        >>> phi.shape[1:], tau.shape[1:]
+        ((2, 13), (2,))
     """
     blocks = []
     for recording in problem.recordings:

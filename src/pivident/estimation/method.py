@@ -101,9 +101,8 @@ class AutoRegressive(Options):
         criterion: ``aic``, ``aicc`` or ``bic``.
         on_unmasked: whether it is fitted on the rows in use only.
         motion_band: highest frequency of the motion [Hz]. Below it the residual may be mostly
-            model error, and noise counts up to the level just above it (see
-            ``continued_into_band``). ``auto``: 20 Hz or a quarter of the Nyquist frequency. None:
-            no band.
+            model error, and noise counts up to the level just above it.
+            ``auto``: 20 Hz or a quarter of the Nyquist frequency. None: no band.
     """
 
     p_max: int = option(150, "largest order of the AR model tried", at_least=1, at_most=5000)

@@ -60,7 +60,12 @@ def method_named(method: Method | Estimator | str) -> Method:
     if not isinstance(method, str):
         return method
     if method not in METHODS:
-        raise IdentificationError(f"unknown method {method!r}", advice=nearest(method, METHODS))
+        raise IdentificationError(
+            f"unknown method {method!r}",
+            advice=f"identify with {free!r} and give the result to make_consistent"
+            if (free := method.removeprefix("pc-")) in METHODS
+            else nearest(method, METHODS),
+        )
     return METHODS[method]
 
 

@@ -18,3 +18,5 @@ from .validation.held_out.replay import as_logged as as_logged
 from .validation.identified_loop import IdentifiedJointLoop as IdentifiedJointLoop
 from .validation.identified_loop import IdentifiedLoop as IdentifiedLoop
 from .validation.identified_loop import identified_loop as identified_loop
+from .validation.residuals.residual_tests import ResidualTests as ResidualTests
+from .validation.residuals.residual_tests import residual_tests as residual_tests

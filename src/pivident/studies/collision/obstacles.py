@@ -96,7 +96,7 @@ class Obstacle(Displayed):
 
     @property
     def solid(self) -> np.ndarray:
-        """The numbers that `collision.distances.signed_distance` takes, shape (1, 6) [m].
+        """The numbers that `studies.collision.distances.signed_distance` takes, shape (1, 6) [m].
 
         Of a segment they are its ends in the base frame.
         """

@@ -167,7 +167,7 @@ def compare(
     """Compare results with the first of them.
 
     Args:
-        results: identifications, or files and folders of results (`load_entries`), in any mixture;
+        results: identifications, or files and folders of results, in any mixture;
             a table of them gives each its label.
         labels: a name for each; None: the methods where they differ, else parts of the paths.
         alpha: probability of one false mark or more.

@@ -219,7 +219,7 @@ def choose_laws(
         method: estimator on whose equations the laws are fitted; None: least squares at the
             full rate, which needs no control loop.
         changes: changes of a law by name; None: see ``law_candidates``.
-        more: further changes by joint, such as ``{"joint1": {"ripple": adding(ripple(100))}}``.
+        more: further changes by joint, such as ``{"elbow": {"ripple": adding(ripple(100))}}``.
         joints: which joints; None: all.
         folds: number of contiguous blocks of a single recording.
         gap: gap between held-out cells and the fitted data [s]; None: two periods of the highest

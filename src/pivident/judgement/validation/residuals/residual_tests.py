@@ -182,18 +182,22 @@ class JointResidualTests:
 
 @dataclass(frozen=True, eq=False)
 class ResidualTests:
-    """Tests on the residuals of all joints."""
+    """Tests on the residuals of all joints.
 
-    #: One for each joint whose residual is long enough and not constant.
+    Attributes:
+        joints: one for each joint whose residual is long enough and not constant.
+        untested: names of the other joints.
+    """
+
     joints: tuple[JointResidualTests, ...]
-    untested: tuple[str, ...] = ()  # names of the other joints
+    untested: tuple[str, ...] = ()
 
     def of(self, name: str) -> tuple[tuple[str, ResidualTest], ...]:
-        """One test on all joints, as pairs of joint and test."""
+        """The test of this name on all joints, as pairs of joint and test."""
         return tuple((j.name, j.tests[name]) for j in self.joints if name in j.tests)
 
     def worst(self, name: str) -> tuple[str, ResidualTest] | None:
-        """The joint on which a test finds most, and the test; None where there is none.
+        """The joint on which the test of this name finds most, and the test, or None.
 
         Findings of practical size come first, then the smaller probability.
         """
@@ -229,7 +233,15 @@ class ResidualTests:
 
 
 def residual_tests(identification: Identification, *, motion: bool = True) -> ResidualTests:
-    """Test the residuals of all joints."""
+    """Test the residuals of all joints: white, and free of the motion?
+
+    Args:
+        identification: the result, with its equations for the second question.
+        motion: whether they are also tested against the motion.
+
+    Returns:
+        The tests by joint; printed, one line for each.
+    """
     residuals = joint_residuals(identification)
     against: tuple[CrossCorrelationTest | None, ...] = (None,) * len(residuals)
     if motion and identification.equations is not None:
