@@ -164,6 +164,8 @@ def file(text: str, around: frozenset[str]) -> str | None:
     path = text.split()[0]
     name = Path(path).name
     if path.split("/")[0] in FOLDERS:
+        if path in (REPOSITORY / ".gitignore").read_text("utf-8").split():
+            return f"{path} is no part of the repository"
         return None if any(REPOSITORY.glob(path)) else f"no file {path}"
     if {name, path} & around or re.fullmatch(r"\W*\.\w+", name) or PLACEHOLDER.search(name):
         return None
