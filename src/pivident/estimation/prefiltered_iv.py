@@ -292,8 +292,8 @@ def _identified(signals: Signals, method: PrefilteredIV, say: Say) -> Identifica
 
 
 def _log_deviation(found: Identification) -> float:
-    """Mean of ln σ over the parameters."""
-    return float(np.mean(np.log(found.method_std)))
+    """Mean of ln σ over the parameters that are not fixed."""
+    return float(np.mean(np.log(found.method_std[~found.restrictions.is_fixed])))
 
 
 Iterated = TypeVar("Iterated")

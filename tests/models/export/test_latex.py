@@ -74,6 +74,7 @@ def test_parameters_that_were_left_out_are_not_in_the_table():
         ("–", "--"),
         ("∞", r"$\infty$"),
         ("-∞", r"$-\infty$"),
+        ("fixed", "fixed"),
     ],
 )
 def test_numbers(text, latex):

@@ -76,7 +76,9 @@ def bytes_in_words(size: int) -> str:
 
 
 def latex_number(text: str) -> str:
-    r"""A printed number in math mode: ``1.2e-07`` as 1.2 · 10⁻⁷."""
+    r"""A printed number in math mode: ``1.2e-07`` as 1.2 · 10⁻⁷; a word in its place as it is."""
+    if text.isalpha():
+        return text
     mantissa, _, exponent = text.replace("∞", r"\infty").replace("−", "-").partition("e")
     if mantissa == "–":
         return "--"
