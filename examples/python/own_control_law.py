@@ -17,7 +17,7 @@ class SoftIntegrator:
 
     def reset(self) -> None:
         """Before each simulation."""
-        self.sum, self.last = np.zeros(2), np.full(2, np.nan)
+        self.sum, self.last = np.zeros(2), np.nan * np.zeros(2)
 
     def __call__(self, k: int, q: Array, q_ref: Array, dq_ref: Array) -> Array:
         """Torque at sample k of 1 kHz."""
