@@ -17,7 +17,7 @@ ROOMS = {
     "foundation": (
         "version", "text", "errors", "extras", "registry", "options", "files", "codec",
         "scratch",
-        "threads", "distributions", "document", "compiled", "common_work",
+        "progress", "threads", "distributions", "document", "compiled", "common_work",
     ),
     "robot": (".",),
     "dynamics": (".",),

@@ -19,6 +19,9 @@ FRONTS = sorted(
     f"pivident.{stub.parent.name}" for stub in Path(pivident.__file__).parent.glob("*/__init__.pyi")
 )
 
+#: Packages that are a name of a front: reached by it, and listed where they are.
+PACKAGES = {"figures"}
+
 HEAVY = ("numpy", "scipy", "numba", "pydantic", "polars", "h5py", "plotly", "cyclopts", "rich")
 
 
@@ -48,23 +51,31 @@ def test_every_name_of_the_front_door_exists():
     assert set(pivident.__all__) <= set(dir(pivident))
 
 
+def test_figures_are_reached_from_the_front_without_loading_what_draws():
+    code = (
+        "import sys, pivident; names = pivident.figures.__all__; "
+        f"print(len(names) > 10, [m for m in {(*HEAVY, 'matplotlib')} if m in sys.modules])"
+    )
+    assert run_python(code).strip() == "True []"
+    assert pivident.figures.figure_of_torques is pivident.studies.figure_of_torques
+
+
 def test_the_front_door_is_small():
-    assert (
-        len(pivident.__all__) <= 31
-    )  # one more than 30: the equations, for estimators of one's own
+    assert len(pivident.__all__) <= 32  # figures, and the equations for estimators of one's own
 
 
 @pytest.mark.parametrize("name", FRONTS)
 def test_every_name_of_a_front_is_what_it_says(name):
     front = importlib.import_module(name)
     for attribute in front.__all__:
-        assert not isinstance(getattr(front, attribute), ModuleType), attribute
+        is_module = isinstance(getattr(front, attribute), ModuleType)
+        assert is_module == (attribute in PACKAGES), attribute
 
 
 def test_a_name_has_one_home():
     homes: dict[str, list[str]] = {}
     for name in ("pivident", *FRONTS):
-        for attribute in importlib.import_module(name).__all__:
+        for attribute in set(importlib.import_module(name).__all__) - PACKAGES:
             homes.setdefault(attribute, []).append(name)
     assert {key: value for key, value in homes.items() if len(value) > 1} == {}
 

@@ -3,7 +3,6 @@
 from matplotlib.figure import Figure
 
 import pivident as pv
-from pivident.studies import figure_of_autocorrelations, figure_of_residual_spectra
 
 
 def diagnostics(problem: pv.Problem, method: str = "piv", folds: int = 5) -> Figure:
@@ -14,8 +13,8 @@ def diagnostics(problem: pv.Problem, method: str = "piv", folds: int = 5) -> Fig
 
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     spectra, correlations, errors = figure.subfigures(3, 1, squeeze=False)[:, 0]
-    figure_of_residual_spectra(result, ax=spectra.subplots(1, len(joints)))
-    figure_of_autocorrelations(result, ax=correlations.subplots(1, len(joints)))
+    pv.figures.figure_of_residual_spectra(result, ax=spectra.subplots(1, len(joints)))
+    pv.figures.figure_of_autocorrelations(result, ax=correlations.subplots(1, len(joints)))
     axes = errors.subplots()
     axes.bar(joints, held_out.prediction.relative)
     axes.set(ylabel="held-out torque error [%]", title=f"{result.method}, {folds} blocks")

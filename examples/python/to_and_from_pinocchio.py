@@ -17,8 +17,7 @@ def main() -> tuple[Array, Array, Array]:
     arm = pinocchio.buildSampleModelManipulator()  # six axes
     arm.velocityLimit, arm.armature = np.full(6, 2.0), np.full(6, 0.5)  # rad/s, kg m²
     robot = pv.Robot.from_pinocchio(arm, FrictionLaw((viscous(),)))
-    loop = pv.Loop(pv.PD(kp=[4000.0] * 6, kd=[300.0] * 6))
-    values = {f"fv{j}": 2.0 for j in range(1, 7)}  # the model has none
+    loop, values = pv.Loop(pv.PD([4000.0] * 6, [300.0] * 6)), {f"fv{j}": 2.0 for j in range(1, 7)}
     record = pv.simulate(robot, loop, values=values, duration=8.0, torque=0.1, seed=1)
     found = pv.identify(pv.Problem(robot, (record.recording,), loop), "ls")
     model = runnable_model(pv.make_consistent(found))  # bodies that exist

@@ -26,6 +26,7 @@ from .loop.simulation.simulated_record import simulate as simulate
 from .models.consistency.consistent_model import make_consistent as make_consistent
 from .robot.description import Robot as Robot
 from .robot.gallery import load_robot as load_robot
+from .studies import figures as figures
 from .studies.comparison.compare import compare as compare
 from .studies.prediction.predict import predict as predict
 from .studies.tables.chosen import table as table

@@ -50,11 +50,11 @@ class NegativeParameter:
 def negative_parameters(
     parameters: Sequence[Parameter], names: Sequence[str], theta: np.ndarray, std: np.ndarray
 ) -> list[NegativeParameter]:
-    """Frictions and rotor inertias that were estimated below zero."""
+    """Frictions and rotor inertias that were estimated below zero, those that were fixed not."""
     return [
         NegativeParameter(p, name, float(value), float(s))
         for p, name, value, s in zip(parameters, names, theta, std, strict=True)
-        if p.is_dissipative and value < 0
+        if p.is_dissipative and value < 0 and s != 0.0
     ]
 
 

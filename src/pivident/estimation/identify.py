@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 
@@ -10,11 +11,12 @@ from pivident.dynamics.separation import KIND, separated
 from pivident.estimation.didim import LABEL, NOT_SIMULATED, reads_counts
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.method import Estimator, Method, Say
+from pivident.estimation.method import Estimator, Method
 from pivident.estimation.methods import method_named
 from pivident.estimation.problem import Problem, taken_as_zero
 from pivident.estimation.signal_recipes import RandomWalk, SignalRecipe
 from pivident.foundation.errors import IdentificationError, RankDeficientRegressor
+from pivident.foundation.progress import LOGGER, Say, Stages
 from pivident.foundation.threads import linear_algebra_in_one_thread
 
 
@@ -33,7 +35,8 @@ def identify(
             estimator of one's own: a function of Φ, shape (rows, parameters), and τ, shape (rows,),
             that returns the parameters, alone or with their covariance. The rows are those of all
             joints, each divided by the standard deviation of its joint's error.
-        progress: called with one line at each stage.
+        progress: called with one line at each stage; the logger ``pivident`` has the same with
+            times.
         test_gains: whether a fitted simulation (``cloe``, ``clie``, ``ml``) is asked if other gains
             of law and drives than the declared ones would fit better, which takes one simulation
             more; studies of many runs leave it out.
@@ -60,9 +63,9 @@ def identify(
         raise IdentificationError(f"{method!r} is not a method", advice="use a name such as 'piv'")
     method.refuse(problem)
     method = method.settled(problem.recordings)
-    say = progress or (lambda line: None)
+    begin = perf_counter()
     noticed = (*method.about_torques(problem.recordings), *taken_as_zero(problem))
-    with linear_algebra_in_one_thread():
+    with linear_algebra_in_one_thread(), Stages.of(progress) as say:
         while True:
             try:
                 result = method.estimate(problem, say, test_gains=test_gains)
@@ -76,6 +79,9 @@ def identify(
                 problem = problem.estimating((*names, *dependent))
                 say(f"{method.label}: {why.message}")
                 noticed = (why, *noticed)
+    state = "converged" if result.converged else "not converged"
+    seconds = perf_counter() - begin
+    LOGGER.info("%s: %s, %d passes; %.2f s", result.method, state, result.iterations, seconds)
     if reads_counts(problem) and result.method != LABEL:
         noticed = (*noticed, NOT_SIMULATED)
     return replace(result, warnings=(*result.warnings, *noticed)) if noticed else result

@@ -29,6 +29,7 @@ from pivident.estimation.problem import BIASED, Problem
 from pivident.estimation.signal_recipes import Decimated
 from pivident.foundation.common_work import once
 from pivident.foundation.options import option
+from pivident.foundation.progress import IterationLine
 from pivident.foundation.text.finding import Finding
 from pivident.loop.motion.motion import Kinematics, SpeedLimits, with_inner
 
@@ -94,6 +95,7 @@ def least_squares_on(
     say: Say,
 ) -> Identification:
     """The same on given motions and torques."""
+    say(f"{method.label}: solution, residuals and covariance")
     estimate, run = settled_least_squares(problem, method, kinematics, say)
     return answer(problem, method, estimate, run)
 
@@ -132,7 +134,8 @@ def settled_least_squares(
         run = Run((*run.history, made), settled)
         theta = estimate.theta
         if not settled:
-            say(f"load from estimate {len(run.history)}: parameters change by {100 * change:.3g} %")
+            size = f"parameters change by {100 * change:.3g} %"
+            say(IterationLine(f"load from estimate {len(run.history)}: {size}"))
     return estimate, run
 
 

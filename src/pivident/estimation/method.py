@@ -21,6 +21,7 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RECIPES, Bandpass, SignalRecipe
 from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.foundation.options import Options, declarations, option
+from pivident.foundation.progress import Say as Say
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.sentences import listed
@@ -31,8 +32,6 @@ from pivident.robot.refusals import without_loops, without_wrenches
 #: What makes an estimate of one's own: of Φ, shape (rows, parameters), and τ, shape (rows,), the
 #: parameters, shape (parameters,), alone or with their covariance.
 Estimator = Callable[[np.ndarray, np.ndarray], Any]
-#: Called with one line at each stage.
-Say = Callable[[str], None]
 #: Which covariance of an estimate is reported.
 CovarianceKind = Literal["auto", "formula", "sandwich", "stationary"]
 #: Where instruments come from, see `pivident.loop.instruments`.

@@ -67,6 +67,7 @@ from pivident.foundation.errors import (
     SimulationDiverged,
 )
 from pivident.foundation.options import option
+from pivident.foundation.progress import IterationLine
 from pivident.foundation.text.finding import Finding
 from pivident.loop.instruments.given_motion import InstrumentsUsed
 
@@ -257,6 +258,8 @@ def piv(steps: Steps, say: Say) -> tuple[Estimate, Run]:
 
     A simulation keeps one core busy: (c) goes on beside (a) of the next iteration.
     """
+    label = steps.method.label
+    say(f"{label}: iterating")
     last, run = steps.start(), Run()
     with ThreadPoolExecutor(1) as beside:
         noise = beside.submit(steps.noise_models, last, last.theta)
@@ -267,10 +270,11 @@ def piv(steps: Steps, say: Say) -> tuple[Estimate, Run]:
                 prefilters = steps.noise_models(last, simulated.theta)
             last = estimate = solve(steps, last, simulated, prefilters)  # (b)
             run = run.after(steps, estimate, simulated.halvings)
-            say(str(run))
+            say(IterationLine(run))
             if run.converged:
                 break
             noise = beside.submit(steps.noise_models, estimate, estimate.theta)  # (c)
+    say(f"{label}: residuals and covariance")
     return estimate, run
 
 
@@ -288,8 +292,8 @@ def _identified(signals: Signals, method: PrefilteredIV, say: Say) -> Identifica
 
 
 def _log_deviation(found: Identification) -> float:
-    """Mean of ln σ over the parameters."""
-    return float(np.mean(np.log(found.method_std)))
+    """Mean of ln σ over the parameters that are not fixed."""
+    return float(np.mean(np.log(found.method_std[~found.restrictions.is_fixed])))
 
 
 Iterated = TypeVar("Iterated")

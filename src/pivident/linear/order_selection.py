@@ -16,13 +16,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 
 from pivident.foundation.errors import DelayTooLong, IdentificationError, UnusableSignal
 from pivident.linear.estimate import LinearEstimate
-from pivident.linear.model import poles_with_std
+from pivident.linear.model import Hold, poles_with_std
 from pivident.linear.sriv import riv, sriv
 from pivident.linear.srivc import rivc, srivc
 
@@ -37,6 +37,22 @@ _ESTIMATORS: dict[str, Callable[..., LinearEstimate]] = {
     "sriv": sriv,
     "riv": riv,
 }
+
+
+class EstimatorOptions(TypedDict, total=False):
+    """What `select_orders` hands on to the estimator of its method, where it is given."""
+
+    external: np.ndarray | None
+    tolerance: float
+    max_iterations: int
+    noise_order: tuple[int, int] | None  # of rivc and riv
+    hold: Hold  # of srivc and rivc, as the next three
+    svf_pole: float | None
+    common: bool
+    offset: bool
+    mask: np.ndarray | None  # of sriv and riv, as the next
+    fixed_poles: Sequence[complex]
+
 
 #: Standard error of a pole over its size, from which on the record does not determine it.
 UNDETERMINED = 0.25
@@ -127,7 +143,7 @@ def select_orders(
     *,
     method: Method = "srivc",
     criterion: OrderCriterion = "yic",
-    **options: Any,
+    **options: Unpack[EstimatorOptions],
 ) -> OrderTable:
     """Estimate every combination of orders and delay, and rank them.
 
@@ -143,7 +159,9 @@ def select_orders(
         method: ``srivc`` or ``rivc`` in continuous time, ``sriv`` or ``riv`` in discrete time.
         criterion: ``yic`` (among the models within half a percent of the best R_T²), ``aic``,
             ``bic`` or ``r2``.
-        options: passed to the estimator, such as ``external`` or ``hold``.
+        options: those of the estimator by name, see there: ``external``, ``tolerance`` and
+            ``max_iterations``; ``noise_order`` (rivc, riv); ``hold``, ``svf_pole``, ``common`` and
+            ``offset`` (srivc, rivc); ``mask`` and ``fixed_poles`` (sriv, riv).
 
     Returns:
         The candidates, the best first.
@@ -182,7 +200,7 @@ def _candidate(
     m: Orders,
     n: Orders,
     delay: Orders,
-    options: dict[str, Any],
+    options: EstimatorOptions,
 ) -> OrderCandidate:
     """One row; errors of the signals themselves are raised, not tabulated."""
     try:

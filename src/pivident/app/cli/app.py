@@ -37,7 +37,7 @@ from pivident.app.cli.console import (
     note,
     warning_text,
 )
-from pivident.foundation.errors import SimulationFailed
+from pivident.foundation.errors import EstimateWarning, SimulationFailed
 from pivident.foundation.registry import BrokenExtension, Registry
 from pivident.foundation.version import __version__
 
@@ -157,6 +157,7 @@ def main(tokens: Sequence[str] | None = None) -> int:
         if hasattr(stream, "reconfigure"):  # a σ must not stop a terminal without it
             stream.reconfigure(errors="replace")
     warnings.formatwarning = warning_text
+    warnings.simplefilter("ignore", EstimateWarning)  # commands show what results find
     end_on_signals(alone=tokens is None)
     add_commands()
     words = sys.argv[1:] if tokens is None else tokens

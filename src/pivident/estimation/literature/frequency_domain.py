@@ -48,6 +48,7 @@ from pivident.estimation.problem import BIASED, Problem
 from pivident.estimation.signal_recipes import Bandpass
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.options import option
+from pivident.foundation.progress import IterationLine
 from pivident.foundation.text.finding import Finding, Quantity
 from pivident.loop.instruments.given_motion import InstrumentsUsed, agreement
 from pivident.loop.motion.motion import (
@@ -141,6 +142,7 @@ class FrequencyDomain(Method):
         say(f"{self.label}: finding whole periods")
         method = replace(self, signals=_settled(self, problem.recordings))
         made = [_periods(problem, recording, method) for recording in problem.recordings]
+        say(f"{self.label}: iterating")
         theta = problem.initial_values()
         weights = [np.ones((problem.robot.size, own.lines + 1)) for own in made]
         variance, history, converged = np.ones(problem.robot.size), [], False
@@ -158,7 +160,7 @@ class FrequencyDomain(Method):
             converged = number > 2 and bool(settled.all())
             residual = relative_residual(sums, theta, variance)
             history.append(Iteration(theta, relative_change(theta, last), residual))
-            say(f"estimate {number}: relative error {residual:.3g}")
+            say(IterationLine(f"estimate {number}: relative error {residual:.3g}"))
             if not converged and number < method.max_iterations:
                 weights, variance = _weights(problem, made, theta)
         excess = _excess(problem, sums, records, theta, variance)

@@ -46,6 +46,7 @@ from pivident.foundation.errors import (
     MassMatrixNotPositiveDefinite,
     SimulationDiverged,
 )
+from pivident.foundation.progress import IterationLine
 
 #: Passes that make noise models; later ones keep them, so that the estimate can settle.
 MODEL_PASSES = 2
@@ -145,7 +146,7 @@ class _Search:
             if settled and not shaken and number >= MODEL_PASSES - 1:
                 shaken, again = True, self._shaken(point)
                 if again is not None:
-                    say("mean motion that noise in the loop adds")
+                    say(IterationLine("mean motion that noise in the loop adds"))
                     point = again
                     continue
             if settled and number >= MODEL_PASSES - 1:
@@ -310,11 +311,11 @@ def _after(damping: float, gained: float, promised: float) -> float:
     return damping / EASIER if damping > UNDAMPED else 0.0
 
 
-def _line(history: Sequence[FitPass]) -> str:
+def _line(history: Sequence[FitPass]) -> IterationLine:
     """One line for the last pass."""
     last = history[-1]
     refused = f", {last.refused} steps taken back" if last.refused else ""
-    return (
+    return IterationLine(
         f"pass {len(history)}: parameters change by {100 * last.change:.3g} %, weighted error "
         f"{np.sqrt(last.cost):.6g}{refused}"
     )

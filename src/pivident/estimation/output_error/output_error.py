@@ -244,6 +244,7 @@ class OutputError(IteratedMethod):
         say(f"{self.label}: smoothing the records")
         signals = Signals.of(problem, self)
         theta = _start(signals, self)
+        say(f"{self.label}: fitting the simulation")
         try:
             stretches = _stretches(signals, self, theta)
             loop = stretches[0].loop
@@ -254,6 +255,7 @@ class OutputError(IteratedMethod):
         except SimulationFailed as error:
             error.problem, error.from_start = problem, True
             raise
+        say(f"{self.label}: residuals and covariance")
         return _identification(signals, self, fit, test_gains and self.simulates_loop)
 
 

@@ -124,6 +124,26 @@ class PividentWarning(UserWarning):
     """Base of every warning that pivident gives by `warnings`."""
 
 
+class EstimateWarning(PividentWarning):
+    """Base of what `identify` and `cross_validate` warn of; the result says the same at length."""
+
+
+class ConvergenceWarning(EstimateWarning):
+    """An iteration ended before its estimate stood still."""
+
+
+class RankWarning(EstimateWarning):
+    """Parameters were left out or held, since the record does not determine them."""
+
+
+class FallbackWarning(EstimateWarning):
+    """Instruments or noise models other than those asked for took their place."""
+
+
+class FailedFoldWarning(EstimateWarning):
+    """The estimate without a held-out block failed; errors are those of the other blocks."""
+
+
 class UnusableValue(PividentError, ValueError):
     """A value that cannot be used, as its type or a table of a file finds."""
 

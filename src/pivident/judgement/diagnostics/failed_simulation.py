@@ -9,6 +9,7 @@ from pivident.estimation.identify import identify as bare_identify
 from pivident.foundation.errors import SimulationFailed
 from pivident.judgement.audit.recording_audit import recording_faults
 from pivident.judgement.validation.divergence_cause import divergence_cause
+from pivident.judgement.validation.given_warnings import warned
 
 
 def explain(error: SimulationFailed) -> None:
@@ -38,5 +39,8 @@ def explained_failures() -> Iterator[None]:
         raise
 
 
-#: `pivident.estimation.identify.identify`, whose errors name the cause of a failed simulation.
-identify = explained_failures()(bare_identify)
+#: `pivident.estimation.identify.identify`, whose errors name the cause of a failed simulation; for
+#: studies, which show themselves what each of their results finds.
+explained_identify = explained_failures()(bare_identify)
+#: The same for users, whom it warns.
+identify = warned(explained_identify)

@@ -28,6 +28,7 @@ from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.foundation.errors import ExperimentError, ShapeMismatch, require_kind
+from pivident.foundation.progress import Stages
 from pivident.foundation.text.display import Displayed
 from pivident.loop.simulation.closed_loop import LoopSignals, Trajectory, in_whole_counts
 from pivident.loop.simulation.closed_loop import simulate as simulate_loop
@@ -211,7 +212,9 @@ def simulate(
         rate=rate,
     )
     added = noise.in_loop(seed, wanted[0].shape)
-    motion = loop_motion(robot, loop, rate, wanted, base.parameters, theta, noise=added)
+    with Stages(None) as say:
+        say(f"simulating {len(added) / rate:g} s of {robot.name} at {rate:g} Hz")
+        motion = loop_motion(robot, loop, rate, wanted, base.parameters, theta, noise=added)
     recording = Recording(
         name,
         robot.joint_names,

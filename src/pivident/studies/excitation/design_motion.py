@@ -14,6 +14,7 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.progress import Say
 from pivident.foundation.text.sentences import listed
 from pivident.loop.motion.wanted_motion import RISE
 from pivident.robot.description import Robot
@@ -50,7 +51,6 @@ DURATION_SHARE = 0.1
 DURATION_STEP = 0.1
 #: What there is for a robot with closed loops.
 DESIGNED_ELSEWHERE = "record a motion of your own, and look at it with pivident audit"
-Say = Callable[[str], None]
 
 
 def design_motion(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 from pivident.foundation.files import atomic_folder, check_output
+from pivident.foundation.progress import Say
 from pivident.foundation.version import __version__
 from pivident.studies.many.batch.runner import Pool
 from pivident.studies.many.study.run import run_study
@@ -28,8 +29,6 @@ STUDY, PAGES = "study", {"html": "paper.html", "markdown": "index.md"}
 
 #: Records of each reading that a page has at least, and those of a quick one.
 RUNS, QUICK_RUNS = 4, 2
-
-Say = Callable[[str], None]
 
 
 def make_page(

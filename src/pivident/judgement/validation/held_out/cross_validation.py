@@ -8,7 +8,7 @@ so.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isnan, nan
 from typing import Literal
@@ -22,10 +22,16 @@ from pivident.estimation.identify import identify, narrowed
 from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
 from pivident.foundation.document.table import Column, Table
-from pivident.foundation.errors import IdentificationError, SimulationDiverged
+from pivident.foundation.errors import (
+    FailedFoldWarning,
+    IdentificationError,
+    SimulationDiverged,
+)
 from pivident.foundation.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
+from pivident.foundation.progress import Say, Stages
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.sentences import listed
+from pivident.judgement.validation.given_warnings import warn, warn_of
 from pivident.judgement.validation.held_out.fold_estimates import (
     estimates_without,
     filters_without,
@@ -228,7 +234,7 @@ def cross_validate(
     gap: float | None = None,
     recording: Recording | Sequence[Recording] | None = None,
     identification: Identification | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Say | None = None,
 ) -> CrossValidation:
     """Judge a method on motion that it was not fitted to.
 
@@ -256,8 +262,14 @@ def cross_validate(
         ExperimentError: an impossible gap, or a second recording that is the fitted one.
         IdentificationError: the method fails on the whole record, or on every fold.
     """
-    motion = JudgedMotion.of(problem, recording)
-    return judged_on(motion, method, folds, gap, identification, progress or (lambda line: None))
+    with Stages.of(progress) as say:
+        motion = JudgedMotion.of(problem, recording)
+        judged = judged_on(motion, method, folds, gap, identification, say)
+    if identification is None:
+        warn_of(judged.identification)
+    if any(held.prediction is None for held in judged.held_out):
+        warn(f"{judged.method} failed without some of the blocks", FailedFoldWarning)
+    return judged
 
 
 def judged_on(
@@ -266,7 +278,7 @@ def judged_on(
     folds: int,
     gap: float | None,
     identification: Identification | None,
-    say: Callable[[str], None],
+    say: Say,
 ) -> CrossValidation:
     """The same on motion that is there already; arguments as for :func:`cross_validate`."""
     problem, moving = motion.problem, motion.moving

@@ -117,7 +117,9 @@ class ModelError:
             lines.append(f"Over all frequencies noise accounts for {min(shares):.0f}{most} %.")
         if self.repeatability is not None:
             total = self.identification.std
-            ratio = np.exp(np.mean(np.log(total / np.maximum(self.repeatability, 1e-300))))
+            free = total > 0.0  # a fixed value has no standard error
+            alone = np.maximum(self.repeatability[free], 1e-300)
+            ratio = np.exp(np.mean(np.log(total[free] / alone)))
             lines.append(
                 "Repeatability: if this record were taken again, the estimates would differ by the "
                 f"standard errors from noise alone. They are {format_significant(float(ratio), 2)} "

@@ -19,6 +19,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
+from pivident.foundation.progress import Say
 from pivident.foundation.threads import thread_count
 from pivident.studies.many.batch.batch_errors import BatchError
 from pivident.studies.many.batch.results_folder import ResultsFolder, Row
@@ -40,8 +41,6 @@ MAX_DEATHS = 3 * DEATHS
 
 #: Threads of the linear algebra libraries of a worker.
 _LIBRARY_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
-Say = Callable[[str], None]
 
 #: Warning if the code has changed between the runs of a folder.
 CHANGED = (

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import pickle
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -25,9 +25,10 @@ from pivident.estimation.problem import Problem
 from pivident.experiment.missing_torque import TEMPERATURE, without_temperature
 from pivident.foundation.errors import ExperimentError, PividentError
 from pivident.foundation.extras import require
+from pivident.foundation.progress import Say
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.threads import thread_count
-from pivident.judgement.diagnostics.failed_simulation import identify
+from pivident.judgement.diagnostics.failed_simulation import explained_identify
 from pivident.studies.many.batch.batch_errors import OtherContents, ResultsFolderError
 from pivident.studies.many.batch.results_folder import ResultsFolder, Row, failure
 from pivident.studies.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner
@@ -80,7 +81,7 @@ def identify_log(task: Task, log: FleetLog) -> list[Row]:
             raise log.fault
         common["sha256"] = log.digest()
         problem, temperatures = _problem(template, log)
-        found = identify(problem, template.method)
+        found = explained_identify(problem, template.method)
     except Exception as error:
         seconds = time.perf_counter() - begin
         return [common | {"computed": time.time()} | failure(error, seconds)]
@@ -147,9 +148,6 @@ def _parameters(found: Identification, temperatures: np.ndarray | None) -> list[
             }
         )
     return rows
-
-
-Say = Callable[[str], None]
 
 
 class FleetError(PividentError, ValueError):

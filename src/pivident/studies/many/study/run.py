@@ -25,8 +25,9 @@ import numpy as np
 from pivident.estimation.identification import Identification
 from pivident.foundation.common_work import shared_work
 from pivident.foundation.extras import require
+from pivident.foundation.progress import Say
 from pivident.foundation.threads import thread_count
-from pivident.judgement.diagnostics.failed_simulation import identify
+from pivident.judgement.diagnostics.failed_simulation import explained_identify
 from pivident.judgement.validation.residuals.autocorrelation import correlated_shares
 from pivident.loop.simulation.excitation import FourierSeries
 from pivident.studies.many.batch.batch_errors import OtherScenario, StudyFolderError
@@ -34,7 +35,7 @@ from pivident.studies.many.batch.results_folder import MANIFEST as MANIFEST
 from pivident.studies.many.batch.results_folder import UNFINISHED as UNFINISHED
 from pivident.studies.many.batch.results_folder import ResultsFolder, failure
 from pivident.studies.many.batch.results_folder import Row as Row
-from pivident.studies.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner, Say
+from pivident.studies.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.many.study.scenario import Scenario
 from pivident.studies.many.study.scenario_tables import FILE as TRAJECTORY
@@ -92,7 +93,7 @@ def execute(task: Task, run: int) -> list[Row]:
             # as if the method stood alone: what was reused began to run before
             begin, saved = time.perf_counter(), shared.saved
             try:
-                found = identify(problem, method, test_gains=False)
+                found = explained_identify(problem, method, test_gains=False)
                 answer = _values(bench, found, begin - (shared.saved - saved))
             except Exception as error:
                 answer = failure(error, time.perf_counter() - begin + shared.saved - saved)

@@ -144,7 +144,12 @@ class Scenario(ScenarioTables):
     """
 
     def changed(self, **tables: Any) -> Scenario:
-        """The scenario with other keys or tables: ``changed(runs=40, noise={"torque": 0})``."""
+        """The scenario with other keys or tables: ``changed(runs=40, noise={"torque": 0})``.
+
+        Args:
+            **tables: keys and tables of a scenario's file by their names there; a table is merged
+                with the one that stands, one that does not exist is refused.
+        """
         plain = short_forms(merged(self.plain, tables))
         made = Scenario(self.name, plain, self.source, self.alternatives, self.condition)
         made.check()
