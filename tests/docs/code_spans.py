@@ -24,7 +24,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 PACKAGES = {"np": "numpy", "pd": "pandas", "sm": "statsmodels.api", "pv": "pivident"}
 OTHERS = (
     "numpy scipy pandas statsmodels linearmodels sklearn pinocchio mujoco numba matplotlib "
-    "concurrent csv ctypes dataclasses msvcrt pivident tomlkit"
+    "concurrent csv ctypes dataclasses logging msvcrt pivident tomlkit warnings"
 ).split()
 PACKAGES |= {name: name for name in OTHERS}
 #: Folders of the repository that paths begin with.
