@@ -7,6 +7,9 @@ Each log is drafted by `init` and identified once, which fills all caches. Then 
 medians of processor time (children included) over that of the import in the same turns, with the
 modules that a command loads. A ratio holds on any machine, where seconds do not.
 
+The last row of a log is the studio's check after an edit: seconds of the wall (of the processor)
+from the change of the file to what is found, in a process that has been waiting.
+
 Logs: ``planar`` (2,000 rows of two simulated joints), ``ur10`` (the public bag, 3,441 rows of six
 axes), ``tx40`` (the public record) and ``seven`` (20,000 rows of seven simulated axes).
 """
@@ -20,6 +23,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -120,8 +125,39 @@ def measure(name: str, files: Files, chosen: list[str], repeats: int, folder: Pa
             f"({low:.2f}–{high:.2f}) | {asked} | {modules} | {own} |",
             flush=True,
         )
+    if not chosen or "studio" in chosen:
+        wall, own = studio_check(folder, repeats)
+        print(f"| {name} | studio's check | {wall:.2f} s ({own:.2f}) | | | | |", flush=True)
     print(f"| {name} | import numba, scipy.linalg | {base:.2f} | 1 | | | |", flush=True)
     return holds
+
+
+def timed_look(experiment: Path, folder: Path, say: Callable[[str], None]) -> None:
+    """The studio's check; its last line is the processor time [s]."""
+    from pivident.app.studio.looks import look
+
+    begin = time.process_time()
+    look(experiment, folder, say)
+    say(f"{time.process_time() - begin:.3f}")
+
+
+def studio_check(folder: Path, repeats: int) -> tuple[float, float]:
+    """A check of the studio after an edit: seconds of the wall and of the processor, medians."""
+    from pivident.app.studio.tasks import Tasks
+
+    tasks, experiment = Tasks(), folder / "experiment.toml"
+    text, rows = experiment.read_text("utf-8"), []
+    for number in range(repeats + 1):  # the first one reads the signals, which an edit leaves
+        experiment.write_text(f"{text}\n# {number}\n", encoding="utf-8")
+        begin = time.perf_counter()
+        tasks.start("look", timed_look, experiment, folder / "looks" / str(number))
+        while tasks.state("look")["state"] == "running":
+            time.sleep(0.002)
+        rows.append((time.perf_counter() - begin, float(tasks.state("look")["line"])))
+    tasks.close()
+    experiment.write_text(text, encoding="utf-8")
+    wall, own = np.median(rows[1:], axis=0)
+    return float(wall), float(own)
 
 
 def simulated(name: str, rows: int, folder: Path) -> Files:

@@ -13,6 +13,7 @@ import pivident.app.studio.looks  # noqa: F401
 from pivident.data.logs.log import Log
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor_kernels import observe
+from pivident.estimation.methods import METHODS
 from pivident.foundation.compiled import is_compiled
 from pivident.foundation.extras import is_installed
 from pivident.judgement.audit.audit import audit_log
@@ -24,6 +25,7 @@ RATE, SAMPLES = 200.0, 1000
 
 def warm_up() -> None:
     """Audit a log of two joints that swing, and draw its page."""
+    METHODS.usable()  # each is offered with its time
     robot = load_robot("planar_2r")
     base_parameters(robot)
     t = np.arange(SAMPLES) / RATE
