@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.dynamics.separation import KIND, separated
-from pivident.estimation.didim import LABEL, NOT_SIMULATED, reads_counts
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.method import Estimator, Method, Say
@@ -76,8 +75,10 @@ def identify(
                 problem = problem.estimating((*names, *dependent))
                 say(f"{method.label}: {why.message}")
                 noticed = (why, *noticed)
-    if reads_counts(problem) and result.method != LABEL:
-        noticed = (*noticed, NOT_SIMULATED)
+    if problem.reads_counts:
+        from pivident.estimation.didim import LABEL, NOT_SIMULATED
+
+        noticed = (*noticed, *([] if result.method == LABEL else [NOT_SIMULATED]))
     return replace(result, warnings=(*result.warnings, *noticed)) if noticed else result
 
 

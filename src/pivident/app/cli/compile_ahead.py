@@ -16,12 +16,19 @@ import sys
 from pivident.foundation.compiled import is_compiled
 
 
-def compile_ahead() -> None:
-    """Start a process that compiles, unless the longest kernels are in the cache already."""
-    from pivident.dynamics.regressor_kernels import observe
-    from pivident.loop.simulation.loop_kernel import run_loop
+def compile_ahead(simulated: bool = True) -> None:
+    """Start a process that compiles, unless the longest kernels are in the cache already.
 
-    if is_compiled(observe) and is_compiled(run_loop):
+    ``simulated``: whether that of the simulated loop is needed, which is long to import, too.
+    """
+    from pivident.dynamics.regressor_kernels import observe
+
+    needed = [observe]
+    if simulated:
+        from pivident.loop.simulation.loop_kernel import run_loop
+
+        needed.append(run_loop)
+    if all(map(is_compiled, needed)):
         return
     process = subprocess.Popen(
         [sys.executable, "-m", __name__],
