@@ -12,6 +12,7 @@ import pytest
 
 import pivident
 from tests.conftest import REPOSITORY
+from tests.planar_log import write_experiment
 from tests.rooms import MODULES
 
 #: Packages with a front: names that are listed in a stub and imported at first use.
@@ -23,6 +24,30 @@ FRONTS = sorted(
 PACKAGES = {"figures"}
 
 HEAVY = ("numpy", "scipy", "numba", "pydantic", "polars", "h5py", "plotly", "cyclopts", "rich")
+
+#: What `identify` of a log without control law has no use for.
+UNUSED = (
+    "scipy.signal", "scipy.stats", "plotly", "narwhals",
+    "pivident.loop.simulation.loop_kernel", "pivident.estimation.control_law.law_equations",
+    "pivident.dynamics.closed_chains.closed_motion", "pivident.experiment.excite_keys",
+    "pivident.studies.friction_laws.shapes",
+)  # fmt: skip
+
+#: Modules of pivident that are loaded by its end, packages included; it only falls.
+MAX_MODULES_LOADED = 340
+
+#: The experiment file of such a log.
+WITHOUT_LOOP = """
+robot = "planar_2r"
+
+[recording]
+files = "log.csv"
+columns = {t = "time", q = ["q1", "q2"], tau = ["tau1", "tau2"]}
+units = {q = "deg", tau = "N m"}
+
+[identify]
+methods = ["ls", "piv"]
+"""
 
 
 def run_python(code: str) -> str:
@@ -43,6 +68,19 @@ def test_command_line_help_loads_neither_numerics_nor_markdown():
         "print([m for m in heavy if m in sys.modules])"
     )
     assert run_python(code).strip().endswith("[]")
+
+
+def test_identify_loads_what_it_uses(tmp_path):
+    """A log without control law: no loop is simulated, no law sought, nothing drawn by plotly."""
+    experiment = write_experiment(tmp_path, WITHOUT_LOOP)
+    code = (
+        f"import sys; from pivident.app.cli import main; main(['identify', {str(experiment)!r}, "
+        f"'--out', {str(tmp_path / 'results')!r}]); "
+        "print(*sys.modules)"
+    )
+    loaded = run_python(code).splitlines()[-1].split()
+    assert sum(name.partition(".")[0] == "pivident" for name in loaded) <= MAX_MODULES_LOADED
+    assert not {*UNUSED} & {*loaded}
 
 
 def test_every_name_of_the_front_door_exists():

@@ -1,6 +1,5 @@
 """Without the optional libraries the core works, and what needs one of them names its extra."""
 
-import importlib
 import json
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from pivident.app.cli.friction import run_friction
 from pivident.data.logs.bags.decompression import unpacked
 from pivident.data.logs.tables.read_csv import read_csv_forgiving
 from pivident.data.logs.tables.tables import read_table
+from pivident.foundation.document.plot import library_text
 from pivident.foundation.document.table import Table
 from pivident.foundation.errors import PividentError
 from pivident.foundation.extras import MissingExtra, require
@@ -124,8 +124,7 @@ def control_door(folder):
 
 
 def plotly_door(folder):
-    sys.modules.pop("pivident.foundation.document.plot", None)
-    importlib.import_module("pivident.foundation.document.plot")
+    library_text()
 
 
 def pyarrow_door(folder):

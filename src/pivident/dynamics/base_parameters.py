@@ -20,7 +20,6 @@ from functools import cached_property
 
 import numpy as np
 
-from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.foundation.common_work import once
@@ -194,6 +193,8 @@ def _closed_probe(
     robot: Robot, standard: tuple[Parameter, ...], samples: int, rng: np.random.Generator
 ) -> np.ndarray:
     """The same of a closed mechanism, at postures in which its loops close."""
+    from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
+
     regressor = ClosedRegressor.of(robot, standard)
     q = regressor.chains.random_postures(rng, samples)
     dq, ddq = rng.uniform(-np.pi, np.pi, (2, samples, robot.size))

@@ -8,18 +8,10 @@ which the linear ten-parameter form of the kernels allows.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pivident.dynamics.closed_chains.closed_dynamics import (
-    ClosedModel,
-    closed_mass_and_bias,
-    closed_model,
-    closed_run,
-    on_own_joints,
-)
-from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.friction_table import (
     FrictionTable,
     clipped_friction,
@@ -35,6 +27,9 @@ from pivident.dynamics.parameters import Parameter
 from pivident.foundation.compiled import allocating
 from pivident.foundation.errors import LoopNotClosed, UnusableValue
 from pivident.robot.description import INERTIAL, Robot
+
+if TYPE_CHECKING:
+    from pivident.dynamics.closed_chains.closed_dynamics import ClosedModel
 
 
 class Model(NamedTuple):
@@ -72,6 +67,8 @@ def make_model(
     if robot.constraints is None:
         friction = make_friction_table(robot, parameters, values)
         return Model(tree_of(robot), inertia, _rotors(robot, parameters, values), friction, None)
+    from pivident.dynamics.closed_chains.closed_dynamics import closed_model, on_own_joints
+
     own = np.array([p.joint in robot.places for p in parameters], bool)
     driven, given = on_own_joints(robot, parameters), values[own]
     return Model(
@@ -127,6 +124,9 @@ def closed_states(
     robot: Robot, model: Model, closed: ClosedModel, q: np.ndarray, dq: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """M_a and h_a at many states that need not follow one another."""
+    from pivident.dynamics.closed_chains.closed_dynamics import closed_mass_and_bias, closed_run
+    from pivident.dynamics.closed_chains.closed_motion import ClosedChains
+
     chains = ClosedChains(robot)
     mass, bias = np.zeros((*q.shape, robot.size)), np.zeros(q.shape)
     for s in range(len(q)):

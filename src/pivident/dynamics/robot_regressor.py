@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.dynamics.closed_chains.closed_motion import ClosedChains, moved_joints
-from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.foundation.common_work import once
@@ -28,9 +26,12 @@ def regressor_of(robot: Robot, parameters: Sequence[Parameter]) -> Regressor:
     Raises:
         RobotDescriptionError: friction that closed loops do not handle.
     """
-    kind = Regressor.build if robot.constraints is None else ClosedRegressor.of
     own = tuple(parameters)
-    return once(("regressor", robot, own), lambda: kind(robot, own))
+    if robot.constraints is None:
+        return once(("regressor", robot, own), lambda: Regressor.build(robot, own))
+    from pivident.dynamics.closed_chains.closed_regressor import ClosedRegressor
+
+    return once(("regressor", robot, own), lambda: ClosedRegressor.of(robot, own))
 
 
 def closing_states(robot: Robot, q: np.ndarray, *others: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -49,6 +50,8 @@ def closing_states(robot: Robot, q: np.ndarray, *others: np.ndarray) -> tuple[np
         return tuple(x * moves for x in (q, *others))
     if robot.constraints is None:
         return (q, *others)
+    from pivident.dynamics.closed_chains.closed_motion import ClosedChains
+
     closes = ClosedChains(robot).closing(q)
     if not closes.any():
         raise RobotDescriptionError(
@@ -70,4 +73,6 @@ def moving_joints(robot: Robot, parameter: Parameter) -> tuple[int, ...]:
         joints = [parameter.joint]
     if robot.constraints is None:
         return tuple(joints)
+    from pivident.dynamics.closed_chains.closed_motion import moved_joints
+
     return tuple(np.flatnonzero(moved_joints(robot)[joints].any(axis=0)).tolist())

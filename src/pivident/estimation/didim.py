@@ -92,12 +92,6 @@ NEAR = 2
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
-def reads_counts(problem: Problem) -> bool:
-    """Whether the control law is known to read whole counts of some joint."""
-    joints = problem.robot.size - problem.robot.base_joints
-    return problem.loop is not None and bool(problem.loop.counts(joints).any())
-
-
 def identify_counted(problem: Problem, method: PrefilteredIV, say: Say) -> Identification:
     """Iterate means over simulated loops and the estimate."""
     say(f"{method.label}: the law reads whole counts; {2 * LOOPS} loops in each iteration")
@@ -236,7 +230,7 @@ class Didim(PrefilteredIV):
 
     def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
         """Iterate simulation, noise models and estimate."""
-        if reads_counts(problem):
+        if problem.reads_counts:
             return identify_counted(problem, self, say)
         say(f"{self.label}: noise of the encoders")
         signals = Signals.of(problem, self)

@@ -8,7 +8,6 @@ from time import perf_counter
 import numpy as np
 
 from pivident.dynamics.separation import KIND, separated
-from pivident.estimation.didim import LABEL, NOT_SIMULATED, reads_counts
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.method import Estimator, Method
@@ -82,8 +81,10 @@ def identify(
     state = "converged" if result.converged else "not converged"
     seconds = perf_counter() - begin
     LOGGER.info("%s: %s, %d passes; %.2f s", result.method, state, result.iterations, seconds)
-    if reads_counts(problem) and result.method != LABEL:
-        noticed = (*noticed, NOT_SIMULATED)
+    if problem.reads_counts:
+        from pivident.estimation.didim import LABEL, NOT_SIMULATED
+
+        noticed = (*noticed, *([] if result.method == LABEL else [NOT_SIMULATED]))
     return replace(result, warnings=(*result.warnings, *noticed)) if noticed else result
 
 

@@ -15,7 +15,6 @@ from typing import Protocol
 
 import numpy as np
 
-from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.method import InstrumentalMethod
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import (
@@ -72,6 +71,8 @@ def choose(
     if wanted == "auto" and problem.loop is not None and floating:
         return without_loop(kinematics, "A floating base is not simulated.", floating)
     if wanted == "loop" or (wanted == "auto" and problem.loop is not None):
+        from pivident.estimation.auxiliary_model import AuxiliaryModel
+
         given = kinematics if differences else None
         auxiliary = AuxiliaryModel(problem, differences, given, torque=False)
         return Chosen(auxiliary, InstrumentsUsed("loop"), kinematics)

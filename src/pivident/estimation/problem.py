@@ -376,6 +376,12 @@ class Problem(Printed):
         """Which parameters are estimated rather than fixed, shape (parameters,)."""
         return ~self.restrictions.is_fixed
 
+    @property
+    def reads_counts(self) -> bool:
+        """Whether the control law is known to read whole counts of some joint."""
+        joints = self.robot.size - self.robot.base_joints
+        return self.loop is not None and bool(self.loop.counts(joints).any())
+
     def speed_limits(self, recording: Recording) -> SpeedLimits:
         """Speeds below which samples of a recording are excluded."""
         share = LOW_SPEED if self.mask == "auto" else self.mask or 0.0

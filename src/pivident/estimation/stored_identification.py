@@ -17,7 +17,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters, regrouped_name
-from pivident.dynamics.grouping.closed_form import quick_base_parameters
 from pivident.estimation.identification import Identification
 from pivident.estimation.identification_file import (
     IDENTIFICATION,
@@ -157,6 +156,8 @@ def _selection(robot: Robot, names: list[str]) -> tuple[BaseParameters, list[int
     robots of many joints. Geometry at the edge of a tolerance can make the two differ: where the
     file has other groups that this robot could have, they are searched for.
     """
+    from pivident.dynamics.grouping.closed_form import quick_base_parameters
+
     base = quick_base_parameters(robot)
     heads = {text for p in base.standard for text in (p.name, regrouped_name(p))}
     if not set(base.names).issuperset(names) and heads.issuperset(names):

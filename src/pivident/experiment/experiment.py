@@ -31,7 +31,6 @@ from pivident.data.recording.recording import Recording
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS, WITHOUT_TORQUE
 from pivident.estimation.problem import Problem
-from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import errors_name, toml_content, validated
 from pivident.experiment.file_keys import ExperimentFile
 from pivident.experiment.identify_table import (
@@ -44,7 +43,6 @@ from pivident.experiment.recording_tables import loop_of, one_by_one, run_of
 from pivident.experiment.robot_table import FRICTION_KEYS, robot_of
 from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.loop.motion.law_torque import with_law_torque
-from pivident.loop.motion.planted_feet import on_planted_feet
 from pivident.loop.simulation.control_loop import Loop
 from pivident.models.consistency.options import ConsistencyOptions, free_methods, made_consistent
 from pivident.robot.description import Robot
@@ -184,6 +182,8 @@ class Experiment:
                 reason = f"There is no simulated loop: {error.sentence}"
                 say(reason)
         if robot.contacts:
+            from pivident.loop.motion.planted_feet import on_planted_feet
+
             say("closing the legs over the ground")
             with errors_name(self.path, "[[contact]]"):
                 robot, recordings = on_planted_feet(robot, recordings)
@@ -245,6 +245,8 @@ class Experiment:
         """
         if self.content.consistency is None:
             return ConsistencyOptions()
+        from pivident.experiment.consistency_table import consistency_of
+
         with errors_name(self.path, "[consistency]"):
             return consistency_of(self.content.consistency, self.robot, self.path.parent)
 

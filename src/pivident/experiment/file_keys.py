@@ -7,14 +7,13 @@ the checked tables into robot, recordings, loop and methods. The tables ``[ident
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 from pydantic.functional_validators import PlainValidator
 
 from pivident.data.recording.recording import Saturation, TorqueTiming
-from pivident.experiment.consistency_keys import ConsistencyEntry  # consistency
-from pivident.experiment.excite_keys import ExciteEntry  # excite
 from pivident.experiment.identify_table import IdentifyEntry
 from pivident.experiment.table_values import (
     DriveGain,
@@ -26,6 +25,7 @@ from pivident.experiment.table_values import (
     PerJoint,
 )
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.registry import named
 from pivident.loop.simulation.controllers import FeedForward
 from pivident.robot.description import TorqueSide
 from pivident.robot.mdh_keys import (
@@ -33,6 +33,7 @@ from pivident.robot.mdh_keys import (
     FrictionTerms,
     Gravity,
     JointReference,
+    LaterTable,
     Vector3,
     Vector6,
     empty_table,
@@ -40,6 +41,15 @@ from pivident.robot.mdh_keys import (
 )
 from pivident.robot.naming import MJCF_FILES
 from pivident.robot.wrench_sensor import Acts
+
+if TYPE_CHECKING:
+    from pivident.experiment.consistency_keys import ConsistencyEntry
+    from pivident.experiment.excite_keys import ExciteEntry
+else:  # few files have these
+    ConsistencyEntry = LaterTable(
+        partial(named, "pivident.experiment.consistency_keys:ConsistencyEntry")
+    )
+    ExciteEntry = LaterTable(partial(named, "pivident.experiment.excite_keys:ExciteEntry"))
 
 #: Keys that every real loop may have.
 LOOP_KEYS = {"drive_gain", "limit", "feed_forward", "counts"}
@@ -792,12 +802,13 @@ class ExperimentFile(Entry):
     consistency: ConsistencyEntry | None = key(
         None,
         "physical consistency of the links, see `[consistency]`; even an empty table requests it",
+        kind="table",
     )
     payload: LoadEntry | None = key(
         None, "the load that `pivident payload` identifies, see `[payload]`"
     )
     excite: ExciteEntry | None = key(
-        None, "limits, obstacles and wishes of a designed motion, see `[excite]`"
+        None, "limits, obstacles and wishes of a designed motion, see `[excite]`", kind="table"
     )
     wrench: list[WrenchEntry] = key(meaning="force sensors, see `[[wrench]]`", factory=list)
     contact: list[ContactEntry] = key(meaning="feet that stand, see `[[contact]]`", factory=list)

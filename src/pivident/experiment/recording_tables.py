@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.data.logs.bags.read_bag import is_bag
-from pivident.data.logs.described_log import described_log
 from pivident.data.logs.log import Log
 from pivident.data.logs.tables.tables import named_columns
 from pivident.data.recording.load import OF_LOGGER, load_recording
 from pivident.data.recording.public_records import RUNS, load_public, public_facts
 from pivident.data.recording.recording import Recording
-from pivident.estimation.control_law.unknown_loop import reconstruct_loop
 from pivident.foundation.errors import (
     BrokenMotion,
     ExperimentError,
@@ -199,6 +197,8 @@ def log_of(
     entry: RecordingEntry, robot: Robot | None, folder: Path, other: Path | None = None
 ) -> Log:
     """The log of one table, read and judged by nobody."""
+    from pivident.data.logs.described_log import described_log
+
     files, reading = reading_of(entry, robot, folder, other)
     for key in ("drive_delay", "torque_side"):  # a part of the model, not of the log
         reading.pop(key, None)
@@ -238,6 +238,8 @@ def loop_of(
     limit = np.full(n, np.inf) if entry.limit is None else _gains("limit", entry.limit, n)
     count = size_of_count("counts", entry.counts, robot.on_fixed_base)
     if law is None or entry.source == "reconstruct":
+        from pivident.estimation.control_law.unknown_loop import reconstruct_loop
+
         made, loop = reconstruct_loop(
             robot.on_fixed_base,
             [recording.behind(robot.base_joints) for recording in recordings],

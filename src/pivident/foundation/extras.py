@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from pivident.foundation.errors import PividentError
@@ -47,6 +48,17 @@ def require(module: str, *, extra: str, purpose: str) -> Any:
         if error.name is None or error.name.partition(".")[0] != library:
             raise  # the library is there, and something that it needs itself is not
         raise MissingExtra(library, extra, purpose) from error
+
+
+def folder_of(library: str, *, extra: str, purpose: str) -> Path:
+    """Folder of an optional library, of which a file is read and nothing imported.
+
+    Arguments and errors are those of `require`.
+    """
+    spec = find_spec(library) if is_installed(library) else None
+    if spec is None or not spec.submodule_search_locations:
+        raise MissingExtra(library, extra, purpose)
+    return Path(spec.submodule_search_locations[0])
 
 
 def is_installed(library: str) -> bool:

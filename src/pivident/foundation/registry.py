@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pivident.foundation.errors import PividentError, PividentWarning
 
@@ -48,6 +48,12 @@ class BrokenExtension(PividentError, RuntimeError):
 
 class ExtensionWarning(PividentWarning):
     """An entry of another distribution is passed over."""
+
+
+def named(place: str) -> Any:
+    """What stands at ``module:name``."""
+    module, _, attribute = place.partition(":")
+    return getattr(import_module(module), attribute)
 
 
 class Registry(Mapping[str, Entry], Generic[Entry]):
@@ -113,8 +119,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         """
         if name not in self._loaded:
             if name in self._built_in:
-                module, _, attribute = self._built_in[name].partition(":")
-                entry = getattr(import_module(module), attribute)
+                entry = named(self._built_in[name])
             else:
                 entry = self._imported(_declared(self.group)[name])
             self._loaded[name] = self._instance(entry)

@@ -6,7 +6,7 @@ This module needs pydantic and is imported only when a file is read.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Literal, cast, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -91,6 +91,10 @@ class LaterTable:
 
     def __init__(self, make: Callable[[], type[Entry]]) -> None:
         self._make = make
+
+    def __or__(self, other: Any) -> Any:
+        """Beside None, as of any annotation."""
+        return Union[self, other]  # noqa: UP007
 
     @property
     def entry(self) -> type[Entry]:

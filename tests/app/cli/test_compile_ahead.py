@@ -31,6 +31,17 @@ def test_a_process_is_started_where_a_kernel_is_missing(monkeypatch):
     assert ended == [(ahead._end, None)]
 
 
+def test_the_loop_counts_only_where_it_is_simulated(monkeypatch):
+    monkeypatch.setattr(ahead, "is_compiled", lambda kernel: kernel is not loop_kernel.run_loop)
+    monkeypatch.setattr(ahead.atexit, "register", lambda *call: None)
+    started = []
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: started.append(command))
+    ahead.compile_ahead(simulated=False)
+    assert not started
+    ahead.compile_ahead(simulated=True)
+    assert started
+
+
 def test_it_leaves_the_shared_kernels_in_the_cache():
     ahead.compile_shared()
     kernels = (

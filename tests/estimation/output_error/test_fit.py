@@ -7,11 +7,8 @@ from scipy.optimize import least_squares
 from pivident.estimation.output_error import fit as fit_module
 from pivident.estimation.output_error.fit import FitOptions, fit_simulation
 from pivident.estimation.output_error.loop_unknowns import Unknown, with_values
-from pivident.estimation.output_error.simulated_errors import (
-    POSITIONS,
-    TORQUES,
-    simulated_errors,
-)
+from pivident.estimation.output_error.simulated_errors import simulated_errors
+from pivident.estimation.output_error.thinning import POSITIONS, TORQUES
 from pivident.foundation.errors import (
     IdentificationError,
     RankDeficientRegressor,

@@ -8,12 +8,8 @@ import pytest
 
 from pivident.estimation.output_error import simulated_errors
 from pivident.estimation.output_error.fit import FitOptions, fit_simulation
-from pivident.estimation.output_error.simulated_errors import (
-    POSITIONS,
-    TORQUES,
-    JoinedColumns,
-    KeptColumns,
-)
+from pivident.estimation.output_error.simulated_errors import JoinedColumns, KeptColumns
+from pivident.estimation.output_error.thinning import POSITIONS, TORQUES
 from tests.estimation.output_error.arms import loop, stretch, unknowns
 from tests.planar_arm import nominal_parameters
 

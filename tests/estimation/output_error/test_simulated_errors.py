@@ -7,12 +7,8 @@ import pytest
 
 from pivident.estimation.output_error.loop_unknowns import Unknown, values_of, with_values
 from pivident.estimation.output_error.record_stretches import OpenLoop
-from pivident.estimation.output_error.simulated_errors import (
-    POSITIONS,
-    TORQUES,
-    simulated_errors,
-)
-from pivident.estimation.output_error.thinning import means_at
+from pivident.estimation.output_error.simulated_errors import simulated_errors
+from pivident.estimation.output_error.thinning import POSITIONS, TORQUES, means_at
 from pivident.loop.simulation.closed_loop import simulate
 from pivident.loop.simulation.direction import Direction
 from tests.estimation.output_error.arms import all_columns, loop, stretch, unknowns

@@ -19,6 +19,7 @@ from pivident.judgement.report import builder
 from pivident.judgement.report.builder import render_report
 from pivident.judgement.report.sections.consistency import (
     VIEWS,
+    ConsistencySection,
     _figures,
     bodies_figure,
     moved_figure,
@@ -67,8 +68,7 @@ def test_no_section_where_the_stage_did_not_run(results):
 
 @needs_browser
 def test_section_on_a_phone(results, diagnostics, tmp_path, monkeypatch):
-    own = tuple(kind for kind in builder.SECTIONS if kind.anchor == "consistency")
-    monkeypatch.setattr(builder, "SECTIONS", own)
+    monkeypatch.setattr(builder, "sections_of", lambda data: (ConsistencySection,))
     seen = seen_on_a_phone(render_report(list(results.values()), diagnostics=diagnostics), tmp_path)
     assert seen["drawn"] == seen["plots"] == 3
 

@@ -16,11 +16,17 @@ import sys
 from pivident.foundation.compiled import is_compiled
 
 
-def compile_ahead() -> None:
-    """Start a process that compiles, unless the longest kernels are in the cache already."""
-    from pivident.loop.simulation.loop_kernel import run_loop
+def compile_ahead(simulated: bool = True) -> None:
+    """Start a process that compiles, unless the longest kernels are in the cache already.
 
-    if not is_first_run() and is_compiled(run_loop):
+    ``simulated``: whether that of the simulated loop is needed, which is long to import, too.
+    """
+    there = not is_first_run()
+    if there and simulated:
+        from pivident.loop.simulation.loop_kernel import run_loop
+
+        there = is_compiled(run_loop)
+    if there:
         return
     process = subprocess.Popen(
         [sys.executable, "-m", __name__],

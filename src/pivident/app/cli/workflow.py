@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import shlex
-import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -38,9 +37,9 @@ from pivident.experiment.check.plan import (
     expected_stages,
     first_run,
     in_words,
+    simulates,
     time_before,
 )
-from pivident.experiment.edited_file import with_repair
 from pivident.foundation.common_work import shared_work
 from pivident.foundation.errors import Attempts, PividentError
 from pivident.foundation.files import atomic_folder, check_output
@@ -52,7 +51,6 @@ from pivident.judgement.diagnostics.consistent_estimate import (
 )
 from pivident.judgement.diagnostics.diagnostics import Diagnostics, diagnose
 from pivident.judgement.diagnostics.failed_simulation import identify
-from pivident.judgement.diagnostics.stored_consistent import write_consistent
 from pivident.judgement.diagnostics.stored_verdict import VERDICT_FILE
 from pivident.judgement.diagnostics.summary import Summary
 from pivident.judgement.diagnostics.verdict import Verdict, beside_verdict, verdict
@@ -63,15 +61,10 @@ from pivident.judgement.model_errors.corrections import (
     kinds_of,
     with_corrections,
 )
-from pivident.judgement.validation.essential_parameters import (
-    EssentialParameters,
-    essential_parameters,
-)
 from pivident.models.consistency.options import PREFIX, free_methods
-from pivident.studies.friction.bearing_friction import bearing_friction
-from pivident.studies.friction_laws.shapes import identify_shapes
 
 if TYPE_CHECKING:
+    from pivident.judgement.validation.essential_parameters import EssentialParameters
     from pivident.studies.excitation.reached import ReachedErrors
 
 #: What the demonstration compares, and on how many held-out blocks.
@@ -140,7 +133,7 @@ def run_experiment(
         options = experiment.consistency()
         folder = out or experiment.output or Path(f"{path.stem}-results")
         check_output(folder)
-        compile_ahead()
+        compile_ahead(simulates(methods, experiment.content.controller is not None))
         problem, validation = experiment.problem(progress.say), experiment.content.validation
         unseen = experiment.unseen_recordings()
         law = experiment.content.controller
@@ -149,12 +142,18 @@ def run_experiment(
         essential, shaped = None, None
         last = list(methods.values())[-1]
         if experiment.has_open_friction:
+            from pivident.studies.friction.bearing_friction import bearing_friction
+
             recipe = experiment.methods(["ls"])["ls"]
             problem = bearing_friction(problem, recipe, progress.say)
         if experiment.content.identify.shapes == "identify":
+            from pivident.studies.friction_laws.shapes import identify_shapes
+
             shaped = identify_shapes(problem, last, progress=progress.say)
             problem = shaped.problem
         if experiment.content.identify.essential:
+            from pivident.judgement.validation.essential_parameters import essential_parameters
+
             failed = "All parameters are estimated, for the essential ones were not found"
             search = partial(essential_parameters, problem, last, progress=progress.say)
             essential = attempts.of(failed, search)
@@ -164,7 +163,7 @@ def run_experiment(
         if kinds := kinds_of(free or experiment.content.identify.free or ()):
             freed = corrections(problem, last, kinds, progress.say)
             problem = freed.problem
-        say_compiling(progress, methods)
+        say_compiling(progress, methods, problem.loop is not None)
         progress.stages(_stages(problem, methods, folds, len(consistent)))
         outcome = identify_all(problem, methods, progress, attempts)
         if freed is not None:
@@ -226,7 +225,7 @@ def run_demo(out: Path, seed: int = 0) -> Outcome:
     with Progress() as progress, shared_work():
         attempts = Attempts(progress.keep)
         methods = {n: METHODS[n] for n in DEMO_METHODS}
-        say_compiling(progress, methods)
+        say_compiling(progress, methods, looped=True)
         progress.say("simulating the closed loop of a TX40")
         problem, truth = tx40_machine(seed)
         progress.stages(_stages(problem, methods, DEMO_FOLDS))
@@ -258,9 +257,9 @@ def corrected(outcome: Outcome, made: Corrections) -> Outcome:
     )
 
 
-def say_compiling(progress: Progress, methods: Mapping[str, Method]) -> None:
-    """What a first run waits for, and how long."""
-    if seconds := first_run(methods):
+def say_compiling(progress: Progress, methods: Mapping[str, Method], looped: bool) -> None:
+    """What a first run waits for, and how long; ``looped``: whether there is a control law."""
+    if seconds := first_run(methods, looped):
         progress.keep(
             f"Compiling for this computer takes about {in_words(seconds)}, in this first run only."
         )
@@ -271,7 +270,7 @@ def _stages(
 ) -> dict[str, float]:
     """Seconds expected of each stage; the first one compiles what is not in the cache."""
     stages = expected_stages(problem, methods, folds, consistent)
-    stages[next(iter(methods))] += first_run(methods)
+    stages[next(iter(methods))] += first_run(methods, problem.loop is not None)
     return stages
 
 
@@ -330,6 +329,8 @@ def write_results(
         for name, estimate in results.diagnostics.consistent.items():
             own = build / name if several else build
             if isinstance(estimate, ConsistentEstimate):
+                from pivident.judgement.diagnostics.stored_consistent import write_consistent
+
                 failed, free = f"{estimate.label} could not be written", own / "identification.json"
                 attempts.of(failed, write_consistent, estimate, own, free)
         judged = verdict(results.diagnostics, attempts)
@@ -373,11 +374,13 @@ def _with_sums(result: Identification) -> Identification:
 
 def truth_lines(results: Sequence[Identification], truth: Mapping[str, float]) -> str:
     """How far each method is from known values, and whether its intervals say so."""
+    from statistics import median
+
     lines = []
     for result in results:
         rows = [row for row in parameter_rows(result, truth) if not math.isnan(row.truth)]
         within = sum(abs(row.error_sigmas) <= 2.0 for row in rows)
-        error = statistics.median(abs(row.error_percent) for row in rows)
+        error = median(abs(row.error_percent) for row in rows)
         lines.append(
             f"{result.method:<22} median error {error:.3f} %, {within} of {len(rows)} true values "
             "within 2σ (about 95 % should be)"
@@ -448,6 +451,8 @@ def refused_repairs(experiment: Path, judged: Verdict) -> set[int]:
     for number, trial in enumerate(judged.repairs, start=1):
         try:
             if trial.repair is not None:
+                from pivident.experiment.edited_file import with_repair
+
                 with_repair(experiment.read_text(encoding="utf-8"), trial.repair, judged.joints)
         except (PividentError, OSError, ValueError):
             refused.add(number)

@@ -8,6 +8,7 @@ from functools import cache
 
 from jinja2 import Environment
 
+from pivident.foundation.document.plot import library_text
 from pivident.judgement.report.builder import page_environment
 
 #: Files of which a script or a style is put together, in the order in which they build on another.
@@ -45,7 +46,7 @@ def templates() -> Environment:
 @cache
 def asset(name: str) -> tuple[bytes, str, str]:
     """Content, media type, and a mark that changes with the content."""
-    make: Callable[[], str] = _plotly if name == "plotly.js" else lambda: _put_together(name)
+    make: Callable[[], str] = library_text if name == "plotly.js" else lambda: _put_together(name)
     content = make().encode("utf-8")
     mark = hashlib.sha256(content).hexdigest()[:16]
     return content, _KINDS[name.rpartition(".")[2]], mark
@@ -59,10 +60,3 @@ def asset_address(name: str) -> str:
 
 def _put_together(name: str) -> str:
     return "\n".join(templates().get_template(part).render() for part in PARTS[name])
-
-
-def _plotly() -> str:
-    """The drawing library, of which the page is painted first."""
-    from plotly.offline import get_plotlyjs
-
-    return get_plotlyjs()

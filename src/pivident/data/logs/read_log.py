@@ -31,7 +31,6 @@ from pivident.data.logs.channel_places import (
     locate,
 )
 from pivident.data.logs.clock_alignment import ClockedChannel
-from pivident.data.logs.file_columns import lenient_table
 from pivident.data.logs.frame import Frame
 from pivident.data.logs.log import CHANNELS, Description, Log
 from pivident.data.logs.source_files import SourceFile, printable_name
@@ -157,6 +156,8 @@ def _table(
     try:
         return read_table(path, names)
     except BadCell as error:
+        from pivident.data.logs.file_columns import lenient_table
+
         table = lenient_table(path, names)
         if not set(names) <= set(table):  # a column of nothing but text
             raise

@@ -27,13 +27,9 @@ from pivident.estimation.output_error.noise_weights import (
 )
 from pivident.estimation.output_error.record_stretches import OpenLoop, Stretch
 from pivident.estimation.output_error.shaking import loop_noise, shaking
-from pivident.estimation.output_error.simulated_errors import (
-    POSITIONS,
-    TORQUES,
-    SimulatedErrors,
-    simulated_errors,
-)
+from pivident.estimation.output_error.simulated_errors import SimulatedErrors, simulated_errors
 from pivident.estimation.output_error.simulation_fit import FitOptions, FitPass, SimulationFit
+from pivident.estimation.output_error.thinning import POSITIONS, TORQUES
 from pivident.estimation.output_error.weighted_step import (
     Point,
     WeightedStep,

@@ -32,13 +32,9 @@ from pivident.estimation.output_error.reduced_equations import (
     stretch_equations,
     undetermined,
 )
-from pivident.estimation.output_error.simulated_errors import (
-    TORQUES,
-    JoinedColumns,
-    simulated_errors,
-)
+from pivident.estimation.output_error.simulated_errors import JoinedColumns, simulated_errors
 from pivident.estimation.output_error.simulation_fit import SimulationFit
-from pivident.estimation.output_error.thinning import means_at
+from pivident.estimation.output_error.thinning import TORQUES, means_at
 from pivident.estimation.problem import Problem
 from pivident.foundation.text.finding import Finding, Quantity
 

@@ -48,7 +48,7 @@ from pivident.estimation.output_error.record_stretches import (
     closed_stretches,
     open_stretches,
 )
-from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
+from pivident.estimation.output_error.thinning import POSITIONS, TORQUES
 from pivident.estimation.prefiltered_iv import PrefilteredIV, full_rate_start
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk

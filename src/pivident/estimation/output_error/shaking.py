@@ -28,8 +28,7 @@ from itertools import pairwise
 import numpy as np
 
 from pivident.estimation.output_error.record_stretches import Stretch
-from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
-from pivident.estimation.output_error.thinning import Thinning
+from pivident.estimation.output_error.thinning import POSITIONS, TORQUES, Thinning
 from pivident.foundation.scratch import working_array
 from pivident.foundation.threads import run_in_threads
 from pivident.loop.simulation.closed_loop import BLOCK, simulate_blocks

@@ -20,14 +20,11 @@ import numpy as np
 
 from pivident.estimation.output_error.loop_unknowns import Unknown, start_directions
 from pivident.estimation.output_error.record_stretches import OpenLoop, Stretch
-from pivident.estimation.output_error.thinning import Thinning, means_at
+from pivident.estimation.output_error.thinning import POSITIONS, TORQUES, Thinning, means_at
 from pivident.foundation.scratch import Blocks
 from pivident.foundation.threads import run_in_threads
 from pivident.loop.simulation.direction import Direction
 from pivident.loop.simulation.tangents import TANGENT_BLOCK, TangentBlock, tangent_blocks
-
-#: Channels that may be compared.
-POSITIONS, TORQUES = 0, 1
 
 #: The tangents of an initial state are carried until they are this share of their largest values.
 FORGOTTEN = 1e-6

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pivident.estimation.covariance import rounded_away
 from pivident.estimation.covariance.sandwich import Jackknife
 from pivident.estimation.method import AutoRegressive, CovarianceKind
-from pivident.estimation.output_error.loop_unknowns import Unknown
-from pivident.estimation.output_error.noise_weights import NoiseWeights
-from pivident.estimation.output_error.record_stretches import Stretch
-from pivident.estimation.output_error.simulated_errors import (
-    POSITIONS,
-    TORQUES,
-    SimulatedErrors,
-)
+from pivident.estimation.output_error.thinning import POSITIONS, TORQUES
+
+if TYPE_CHECKING:
+    from pivident.estimation.output_error.loop_unknowns import Unknown
+    from pivident.estimation.output_error.noise_weights import NoiseWeights
+    from pivident.estimation.output_error.record_stretches import Stretch
+    from pivident.estimation.output_error.simulated_errors import SimulatedErrors
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 
+#: Channels whose means may be compared.
+POSITIONS, TORQUES = 0, 1
+
 #: New samples that one mean stretches over.
 WIDTH = 4
 

@@ -134,7 +134,7 @@ def plan_of(
         blocks,
         expected_time(problem, methods, blocks, law_unknown=controller == "identify"),
         TimeOfMethods(problem, methods, blocks),
-        first_run(methods),
+        first_run(methods, problem.loop is not None),
     )
 
 
@@ -229,11 +229,18 @@ def _line(constants: tuple[float, float], size: float) -> float:
     return constants[0] + constants[1] * size
 
 
-def first_run(methods: Mapping[str, Method]) -> float:
-    """Processor time to compile what is not in the caches yet [s]."""
+def first_run(methods: Mapping[str, Method], looped: bool) -> float:
+    """Processor time to compile what is not in the caches yet [s]; ``looped``: by a control law."""
     from pivident.dynamics.regressor_kernels import observe
+
+    missing = 0.0 if is_compiled(observe) else COMPILING[0]
+    if not simulates(methods, looped):
+        return missing
     from pivident.loop.simulation.loop_kernel import run_loop
 
-    simulated = any(method.simulates_loop or method.fits_simulation for method in methods.values())
-    missing = 0.0 if is_compiled(observe) else COMPILING[0]
-    return missing + (COMPILING[1] if simulated and not is_compiled(run_loop) else 0.0)
+    return missing + (0.0 if is_compiled(run_loop) else COMPILING[1])
+
+
+def simulates(methods: Mapping[str, Method], looped: bool) -> bool:
+    """Whether anything is simulated; ``looped``: whether there is a control law."""
+    return any(m.fits_simulation or (looped and m.simulates_loop) for m in methods.values())

@@ -9,15 +9,17 @@ The library that draws the figures, packed: it is two thirds of a page otherwise
 from __future__ import annotations
 
 import base64
+import json
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from pivident.foundation.extras import require
+from pivident.foundation.extras import folder_of, require
+from pivident.foundation.text.plain_values import plain
 
 #: A curve, a row of bars, a map: its kind and attributes.
 Trace = dict[str, Any]
@@ -178,13 +180,15 @@ def stretches(mask: np.ndarray, t: np.ndarray, pixels: int = 500) -> list[tuple[
     return [(float(t[borders[a]]), float(t[borders[b] - 1])) for a, b in edges]
 
 
-if TYPE_CHECKING:
-    from plotly.colors import get_colorscale as colour_scale
-    from plotly.io import to_json
-else:
-    _FIGURES = {"extra": "report", "purpose": "a page with figures"}
-    colour_scale = require("plotly.colors", **_FIGURES).get_colorscale
-    to_json = require("plotly.io", **_FIGURES).to_json
+def to_json(content: Mapping[str, Any]) -> str:
+    """Traces and layout as plotly writes them: gaps are null, and nothing can end a script."""
+    return json.dumps(plain(content), separators=(",", ":")).replace("/", "\\u002f")
+
+
+def colour_scale(name: str) -> Any:
+    """Colours of a map, each with its place from 0 to 1, by plotly's name of the scale."""
+    scales = require("plotly.colors", extra="report", purpose="a page with figures")
+    return scales.get_colorscale(name)
 
 
 @dataclass(frozen=True)
@@ -195,12 +199,16 @@ class DrawingLibrary:
     size: int  # bytes of the text
 
 
+def library_text() -> str:
+    """plotly.js of the installed package; plotly, whose import takes as long as a page, is not."""
+    folder = folder_of("plotly", extra="report", purpose="a page with figures")
+    return (folder / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
+
+
 @cache
 def drawing_library() -> DrawingLibrary:
     """plotly.js of the installed package, packed once per process."""
-    from plotly.offline import get_plotlyjs
-
-    text = get_plotlyjs().encode("utf-8")
+    text = library_text().encode("utf-8")
     packer = zlib.compressobj(9, wbits=-zlib.MAX_WBITS)  # without header and checksum
     packed = packer.compress(text) + packer.flush()
     return DrawingLibrary(base64.b64encode(packed).decode("ascii"), len(text))

@@ -22,7 +22,6 @@ from pivident.estimation.drives.gain_equations import (
     homogeneous_start,
     least_squares,
 )
-from pivident.estimation.drives.log_units import gain_groups
 from pivident.estimation.normal_equations import JointSums
 from pivident.judgement.audit.inverse_model import InverseModel
 
@@ -53,6 +52,8 @@ def gain_ratios(sums: Sequence[JointSums], signs: np.ndarray, known: np.ndarray)
     """
     joints, size = len(sums), 1 + max(int(own.columns.max(initial=0)) for own in sums)
     given = np.isfinite(known)
+    from pivident.estimation.drives.log_units import gain_groups
+
     equations = GainEquations(
         [sums],
         [np.eye(size)],

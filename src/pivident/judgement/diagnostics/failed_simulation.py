@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from pivident.estimation.identify import identify as bare_identify
 from pivident.foundation.errors import SimulationFailed
 from pivident.judgement.audit.recording_audit import recording_faults
-from pivident.judgement.validation.divergence_cause import divergence_cause
 from pivident.judgement.validation.given_warnings import warned
 
 
@@ -20,6 +19,8 @@ def explain(error: SimulationFailed) -> None:
     problem, error.problem = error.problem, None
     if problem is None:
         return
+    from pivident.judgement.validation.divergence_cause import divergence_cause
+
     causes = divergence_cause(problem, error) if error.from_start else []
     faults = recording_faults(problem.robot, problem.recordings)
     notes = [*causes, *(fault.advised for fault in faults if fault.severity == "error")]

@@ -353,13 +353,13 @@ def instrument_motions(
 
     Those of decimated equations are not kept; a loop is simulated once more.
     """
-    from pivident.estimation.auxiliary_model import AuxiliaryModel
-
     if found.equations is not None and found.equations.full_rate:
         return [r.motion for r in found.equations.records]
     used = found.instruments
     if problem.loop is None or used is None or used.kind != "loop":
         return [None] * len(kinematics)
+    from pivident.estimation.auxiliary_model import AuxiliaryModel
+
     return list(AuxiliaryModel(problem, False, kinematics, torque=False).simulate(found.theta))
 
 

@@ -39,7 +39,7 @@ from pivident.judgement.diagnostics.diagnostics import Diagnostics, diagnose_one
 from pivident.judgement.diagnostics.summary import Summary
 from pivident.judgement.report.intervals import marker
 from pivident.judgement.report.report_data import ReportData
-from pivident.judgement.report.sections import SECTIONS, Section
+from pivident.judgement.report.sections import Section, sections_of
 from pivident.judgement.report.template_cache import TemplateCache
 
 #: Scripts of the page, in the order in which they build on each other.
@@ -137,7 +137,7 @@ def render_report(
         tuple(designs),
     )
     environment, attempts, sections = _report_environment(), attempts or Attempts(), []
-    for kind in SECTIONS:
+    for kind in sections_of(data):
         tried, failed = len(attempts.errors), f'The section "{kind.title}" could not be written'
         body = attempts.of(failed, _body, environment, kind, data, otherwise="")
         if len(attempts.errors) > tried:
@@ -219,7 +219,7 @@ def page_environment(*packages: str) -> Environment:
 
 def _script_json(figure: Figure) -> Markup:
     """A figure as JSON that is safe inside a script element."""
-    return htmlsafe_json_dumps(figure.plot.content(), to_json, validate=False)
+    return htmlsafe_json_dumps(figure.plot.content(), to_json)
 
 
 def _method_class(method: int) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,13 +20,15 @@ from pivident.foundation.document.figure import (
 )
 from pivident.foundation.document.plot import LEGEND, Plot, band, packed
 from pivident.foundation.text.numbers import format_significant, plus_minus
-from pivident.judgement.validation.identified_loop import IdentifiedJointLoop
 from pivident.signals.algebraic import algebraic_gain
 from pivident.signals.bandpass import bandpass_response
 from pivident.signals.decimation import EDGE_OF_BAND, decimation_gain, decimation_stages
 from pivident.signals.prefilter import Prefilter
 from pivident.signals.random_walk_model import gain as smoother_gain
 from pivident.signals.random_walk_model import nvr_from_f50
+
+if TYPE_CHECKING:
+    from pivident.judgement.validation.identified_loop import IdentifiedJointLoop
 
 #: Points of a curve.
 POINTS = 240

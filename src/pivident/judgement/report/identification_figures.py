@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 
-from pivident.estimation.control_law.law_equations import START
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.foundation.document.curves import Curves, compared, torque_axis
 from pivident.foundation.document.figure import (
@@ -58,6 +57,8 @@ def torque_figure(
 
 def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Figure:
     """Recorded controller output of one joint, what its law makes of it, and the difference."""
+    from pivident.estimation.control_law.law_equations import START
+
     law, used = found.joints[joint], slice(START, None)  # before, there is no speed yet
     measured, model = found.output[used, joint], found.model[used, joint]
     t = np.arange(len(found.output))[used] / found.rate

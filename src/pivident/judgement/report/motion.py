@@ -8,7 +8,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.robot.description import Robot
 
@@ -117,6 +116,8 @@ def _recording_values(robot: Robot, recording: Moved, most: int) -> dict[str, An
         values = np.interp(instants, t[seen], q[seen]) if seen.any() else np.zeros(instants.size)
         columns.append(values)
     if robot.constraints is not None:
+        from pivident.dynamics.closed_chains.closed_motion import ClosedChains
+
         still = np.zeros((len(columns), instants.size))
         columns = list(ClosedChains(robot).motion(np.array(columns), still, still).q)
     return {

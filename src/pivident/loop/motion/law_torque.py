@@ -18,7 +18,6 @@ from pivident.data.recording.recording import Recording
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.foundation.errors import ExperimentError
 from pivident.loop.motion.motion import central_differences
-from pivident.loop.simulation.closed_loop import in_whole_counts
 from pivident.loop.simulation.control_loop import (
     Loop,
     computed_torque_feed_forward,
@@ -138,6 +137,8 @@ def commanded_torque(robot: Robot, loop: Loop, recording: Recording) -> np.ndarr
     Raises:
         ExperimentError: a gain of the law does not fit the robot.
     """
+    from pivident.loop.simulation.closed_loop import in_whole_counts
+
     assert recording.q_ref is not None, "the caller has looked"
     n, q_ref, dq_ref = recording.joints, recording.q_ref, recording.dq_ref
     logged, rate = recording.rate, max(recording.rate, recording.control_rate)

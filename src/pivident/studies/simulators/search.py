@@ -33,12 +33,9 @@ from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.output_error.fit import fit_simulation
 from pivident.estimation.output_error.loop_unknowns import Unknown, values_of, with_values
 from pivident.estimation.output_error.record_stretches import Stretch
-from pivident.estimation.output_error.simulated_errors import (
-    POSITIONS,
-    SimulatedErrors,
-    simulated_errors,
-)
+from pivident.estimation.output_error.simulated_errors import SimulatedErrors, simulated_errors
 from pivident.estimation.output_error.simulation_fit import FitOptions, SimulationFit
+from pivident.estimation.output_error.thinning import POSITIONS
 from pivident.foundation.errors import (
     IdentificationError,
     MassMatrixNotPositiveDefinite,

@@ -16,7 +16,7 @@ from pivident.estimation.literature.filters.unscented_kalman import UnscentedKal
 from pivident.estimation.methods import METHODS
 from pivident.foundation.errors import ExperimentError, FilterDiverged
 from pivident.judgement.validation.held_out.cross_validation import cross_validate
-from pivident.judgement.validation.held_out.fold_estimates import filters_without
+from pivident.judgement.validation.held_out.folds_from_rows import filters_without
 from tests.estimation.literature.filters.scenes import planar_problem
 
 

@@ -9,17 +9,17 @@ from pivident.estimation.output_error.loop_unknowns import with_values
 from pivident.estimation.output_error.reduced_equations import bounded_step
 from pivident.estimation.output_error.simulated_errors import simulated_errors
 from pivident.foundation.errors import IdentificationError
-from pivident.judgement.validation.held_out.fold_estimates import (
-    _equations,
-    rows_of,
-    simulated_estimates_without,
-)
 from pivident.judgement.validation.held_out.folds import (
     Fold,
     JudgedMotion,
     Piece,
     contiguous_folds,
     moving_part,
+)
+from pivident.judgement.validation.held_out.folds_from_rows import (
+    _equations,
+    rows_of,
+    simulated_estimates_without,
 )
 from tests.planar_simulations import planar_problem, simulated_results
 

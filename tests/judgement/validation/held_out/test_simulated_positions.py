@@ -16,12 +16,8 @@ from pivident.foundation.text.plain_values import plain
 from pivident.judgement.validation.held_out.cross_validation import cross_validate
 from pivident.judgement.validation.held_out.held_out_errors import HeldOutErrors
 from pivident.judgement.validation.held_out.out_of_sample import _judged
-from pivident.judgement.validation.held_out.prediction import Judge, pooled
-from pivident.judgement.validation.held_out.replay import (
-    OpenLoop,
-    Replay,
-    SimulationError,
-)
+from pivident.judgement.validation.held_out.prediction import Judge, SimulationError, pooled
+from pivident.judgement.validation.held_out.replay import OpenLoop, Replay
 from pivident.loop.simulation.closed_loop import simulate
 from pivident.loop.simulation.controllers import PD
 from tests.planar_simulations import (

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.estimation.equation_record import FittedRecording
 from pivident.foundation.document.figure import MEASURED, Figure, colour, empty_plot
 from pivident.foundation.document.plot import Plot
@@ -219,7 +218,11 @@ def _posture(robot: Robot, recordings: Sequence[FittedRecording]) -> np.ndarray:
     if not recordings:
         return np.zeros(robot.size) if robot.constraints is None else robot.constraints.posture
     own = recordings[0].q[0]
-    return own if robot.constraints is None else ClosedChains(robot).start(own).q
+    if robot.constraints is None:
+        return own
+    from pivident.dynamics.closed_chains.closed_motion import ClosedChains
+
+    return ClosedChains(robot).start(own).q
 
 
 def _figures(found: ConsistentEstimate, method: int) -> tuple[Figure, ...]:

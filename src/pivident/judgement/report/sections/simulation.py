@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.output_error.simulated_errors import POSITIONS, TORQUES
 from pivident.estimation.output_error.simulation_fit import SimulationFit
-from pivident.estimation.output_error.thinning import Thinning, means_at
+from pivident.estimation.output_error.thinning import POSITIONS, TORQUES, Thinning, means_at
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.summary import held_lines, parameter_texts, simulation_heading
 from pivident.foundation.document.figure import ERROR, MEASURED, Figure, colour, empty_plot, line
@@ -106,11 +105,6 @@ class SimulationSection(Section):
 
     title = "Simulation"
     anchor = "simulation"
-
-    @property
-    def applies(self) -> bool:
-        """Only with a method that fits a simulation."""
-        return any(i.simulation is not None for i in self.data.identifications)
 
     def context(self) -> dict[str, Any]:
         """One entry for each such method."""

@@ -32,23 +32,19 @@ from pivident.foundation.progress import Say, Stages
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.sentences import listed
 from pivident.judgement.validation.given_warnings import warn, warn_of
-from pivident.judgement.validation.held_out.fold_estimates import (
-    estimates_without,
-    filters_without,
-    regressions_without,
-    simulated_estimates_without,
-)
+from pivident.judgement.validation.held_out.fold_estimates import estimates_without
 from pivident.judgement.validation.held_out.folds import (
     JudgedMotion,
     Piece,
     contiguous_folds,
     equal_blocks,
 )
-from pivident.judgement.validation.held_out.prediction import Judge, PredictionError, pooled
-from pivident.judgement.validation.held_out.replay import (
-    OpenLoop,
+from pivident.judgement.validation.held_out.prediction import (
+    Judge,
+    PredictionError,
     ReplayError,
     SimulationError,
+    pooled,
 )
 
 #: What has to be said where nothing was held out.
@@ -309,15 +305,13 @@ def judged_on(
     divided = contiguous_folds(problem.recordings, moving, division.count, gap)
     solved = found if found.equations is not None else identify(problem, method, say)
     stretches: list[HeldOut] = []
-    match "sums" if solved.method_used is None else solved.method_used.refit:
-        case "simulation":
-            estimates = simulated_estimates_without(solved, divided)
-        case "samples":
-            estimates = filters_without(problem, solved, divided)
-        case "rows":
-            estimates = regressions_without(problem, solved, divided)
-        case _:
-            estimates = estimates_without(solved, moving, divided)
+    refit = "sums" if solved.method_used is None else solved.method_used.refit
+    if refit == "sums":
+        estimates = estimates_without(solved, moving, divided)
+    else:
+        from pivident.judgement.validation.held_out.folds_from_rows import refitted_without
+
+        estimates = refitted_without(refit, problem, solved, divided)
     for number, (fold, estimate) in enumerate(zip(divided, estimates, strict=True), start=1):
         say(f"fold {number} of {len(divided)}")
         stretches += _judged(motion, estimate, fold.held_out)
@@ -363,6 +357,8 @@ def _simulated(
         except (SimulationDiverged, IndefiniteMass) as reason:
             return none, none, f"the loop cannot be simulated with this estimate: {reason}"
     if found.simulation is not None and found.simulation.loop == "open":
+        from pivident.judgement.validation.held_out.replay import OpenLoop
+
         try:
             return replays, OpenLoop(motion.problem, judge).score(found, spans), ""
         except (SimulationDiverged, IndefiniteMass) as reason:

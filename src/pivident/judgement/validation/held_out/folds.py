@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,8 +19,10 @@ from pivident.data.recording.recording import Recording
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import Advised, ExperimentError, PividentError, UnusableValue
 from pivident.judgement.validation.held_out.prediction import Judge, motion_band
-from pivident.judgement.validation.held_out.replay import Replay
 from pivident.loop.motion.motion import Kinematics
+
+if TYPE_CHECKING:
+    from pivident.judgement.validation.held_out.replay import Replay
 
 #: Shorter blocks are too short to be judged on, shorter remainders to be fitted: seconds, samples.
 MIN_S = 0.3
@@ -226,6 +229,8 @@ class JudgedMotion:
         """The loops of all recordings, empty without a control law."""
         if self.problem.loop is None:
             return {}
+        from pivident.judgement.validation.held_out.replay import Replay
+
         return {judge: Replay(self.problem, judge) for judge in (self.unseen or self.fitted)}
 
 

@@ -311,3 +311,46 @@ def _width(band: float) -> float:
 
 def _rms(x: np.ndarray) -> np.ndarray:
     return np.sqrt(np.mean(x**2, axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayError:
+    """Errors of a simulated loop over some samples; arrays (joints,)."""
+
+    joint_names: tuple[str, ...]  # names of the joints
+    position_units: tuple[str, ...]  # rad or m
+    torque_units: tuple[str, ...]  # N m or N
+    position: np.ndarray  # rms of simulated minus measured positions [rad or m]
+    torque: np.ndarray  # rms of simulated minus measured torques [N m or N]
+    torque_size: np.ndarray  # rms of the measured torques [N m or N]
+    samples: int  # number of samples
+
+    @property
+    def relative(self) -> np.ndarray:
+        """100 torque error/torque of each joint [%]."""
+        return 100.0 * self.torque / np.maximum(self.torque_size, 1e-300)
+
+    @property
+    def total(self) -> float:
+        """Torque error over all joints [%]."""
+        driven = self.torque_size > 0.0  # without the joints of a measured base
+        units = [unit for unit, own in zip(self.torque_units, driven, strict=True) if own]
+        return total_error(self.torque[driven], self.torque_size[driven], units)
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationError:
+    """Errors of simulated positions over some samples."""
+
+    loop: str  # closed or open
+    joint_names: tuple[str, ...]  # names of the joints
+    units: tuple[str, ...]  # rad or m
+    position: np.ndarray  # rms of simulated minus measured positions, shape (joints,) [rad or m]
+    samples: int  # number of samples
+
+    @classmethod
+    def of(cls, replay: ReplayError) -> SimulationError:
+        """Those of a replayed closed loop."""
+        return cls(
+            "closed", replay.joint_names, replay.position_units, replay.position, replay.samples
+        )

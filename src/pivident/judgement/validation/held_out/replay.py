@@ -16,7 +16,7 @@ model have their estimated values.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,36 +26,11 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.output_error.loop_unknowns import loop_unknowns, with_values
 from pivident.estimation.output_error.record_stretches import closed_stretches, open_stretches
 from pivident.estimation.problem import Problem, position_units, torque_units
-from pivident.judgement.validation.held_out.prediction import Judge, total_error
+from pivident.judgement.validation.held_out.prediction import Judge, ReplayError, SimulationError
 from pivident.loop.motion.motion import Kinematics, SimulatedMotion
 from pivident.loop.simulation.closed_loop import Trajectory, simulate
 from pivident.loop.simulation.direction import ParametrisedLoop
 from pivident.signals.cubic_spline import cubic_spline
-
-
-@dataclass(frozen=True, eq=False)
-class ReplayError:
-    """Errors of a simulated loop over some samples; arrays (joints,)."""
-
-    joint_names: tuple[str, ...]  # names of the joints
-    position_units: tuple[str, ...]  # rad or m
-    torque_units: tuple[str, ...]  # N m or N
-    position: np.ndarray  # rms of simulated minus measured positions [rad or m]
-    torque: np.ndarray  # rms of simulated minus measured torques [N m or N]
-    torque_size: np.ndarray  # rms of the measured torques [N m or N]
-    samples: int  # number of samples
-
-    @property
-    def relative(self) -> np.ndarray:
-        """100 torque error/torque of each joint [%]."""
-        return 100.0 * self.torque / np.maximum(self.torque_size, 1e-300)
-
-    @property
-    def total(self) -> float:
-        """Torque error over all joints [%]."""
-        driven = self.torque_size > 0.0  # without the joints of a measured base
-        units = [unit for unit, own in zip(self.torque_units, driven, strict=True) if own]
-        return total_error(self.torque[driven], self.torque_size[driven], units)
 
 
 class Replay:
@@ -191,24 +166,6 @@ def _at(signal: np.ndarray, ratio: float, samples: int) -> np.ndarray:
         return signal[::step][:samples]
     last = int((len(signal) - 1) / ratio + 1e-6)
     return cubic_spline(np.arange(len(signal)) / ratio, signal)(np.arange(min(samples, last + 1)))
-
-
-@dataclass(frozen=True, eq=False)
-class SimulationError:
-    """Errors of simulated positions over some samples."""
-
-    loop: str  # closed or open
-    joint_names: tuple[str, ...]  # names of the joints
-    units: tuple[str, ...]  # rad or m
-    position: np.ndarray  # rms of simulated minus measured positions, shape (joints,) [rad or m]
-    samples: int  # number of samples
-
-    @classmethod
-    def of(cls, replay: ReplayError) -> SimulationError:
-        """Those of a replayed closed loop."""
-        return cls(
-            "closed", replay.joint_names, replay.position_units, replay.position, replay.samples
-        )
 
 
 class OpenLoop:
