@@ -46,7 +46,7 @@ def test_example_shows_what_comes_out(name, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_example_ends_the_docstring_and_is_short(name):
-    doc = inspect.getdoc(getattr(pv, name))
+    doc = inspect.getdoc(getattr(pv, name)) or ""
     body = section(doc, "Example")
     assert body is not None and doc.rstrip().endswith(body.rstrip()), name
     lines = doctest.DocTestParser().get_examples(body)
