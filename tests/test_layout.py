@@ -24,8 +24,9 @@ MAX_ROOMS = 13
 #: 6,000, loops whose law reads whole counts, iterations that go back and forth, noise of the
 #: equations, methods that fit a simulation, logs without torque, options of regressions and
 #: filters, algebraic signals and lines, loops on a measured base, derivatives kept in blocks;
-#: torques of a loop and friction of a program's own (180 lines); imports where they are used (3).
-MAX_LINES_OF_PACKAGE = 8303
+#: torques of a loop and friction of a program's own (180 lines), examples in docstrings (60), and
+#: imports where they are used (3).
+MAX_LINES_OF_PACKAGE = 8363
 #: Statements of all modules without docstrings, but for generated ones; it only falls, but for what
 #: a judge needs that tries its own advice, a studio that carries it out, shapes of model error,
 #: what somebody says of a log and a machine, a preset of its logger, gears with two sensors,

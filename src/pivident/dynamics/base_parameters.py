@@ -142,6 +142,14 @@ def base_parameters(robot: Robot) -> BaseParameters:
 
     Returns:
         Its base parameters.
+
+    Example:
+        >>> base = pv.base_parameters(pv.load_robot("planar_2r"))
+        >>> for name, group in zip(base.names[:3], base.expressions[:3]):
+        ...     print(name, "=", group)
+        zz1r = zz1 + ia1 + 0.16 m2
+        mx1r = mx1 + 0.4 m2
+        my1 = my1
     """
     return once(("base parameters", robot), lambda: _base_parameters(robot))
 

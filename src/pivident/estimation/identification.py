@@ -123,6 +123,15 @@ class Identification(Estimated, Displayed):
         loop_values: ``controller``, ``reference`` and ``loop`` as the file of a loaded
             identification holds them; None for an identification that was made here.
         judged: parameters that errors and covariances belong to, those of the result.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> recording = pv.simulate(robot, loop, duration=5.0, encoder=1e-5).recording
+        >>> result = pv.identify(pv.Problem(robot, (recording,), loop), "piv")
+        >>> round(result.params["fc1"], 2), result.units[result.names.index("fc1")]
+        (4.0, 'N m')
+        >>> result.torque(q=[0.0, 0.0], dq=[0.5, 0.0], ddq=[0.0, 0.0]).round(1)  # [N m]
+        array([26.9,  3.5])
     """
 
     method: str

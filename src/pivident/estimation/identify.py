@@ -47,6 +47,17 @@ def identify(
         IdentificationError: unknown method, a loop that cannot be simulated (its children say
             which). Parameters that the motion does not separate are left out, and a warning says
             so; see `pivident.dynamics.separation`.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> recording = pv.simulate(robot, loop, duration=5.0, encoder=1e-5).recording
+        >>> problem = pv.Problem(robot, (recording,), loop)
+        >>> for method in ("ls", "iv-full-rate", "piv"):  # the true value is 4 N m
+        ...     result = pv.identify(problem, method)
+        ...     print(f"{result.params['fc1']:.2f} ± {2.0 * result.bse['fc1']:.3f} N m, {method}")
+        4.01 ± 0.087 N m, ls
+        4.00 ± 0.009 N m, iv-full-rate
+        4.00 ± 0.002 N m, piv
     """
     if not isinstance(problem, Problem):
         is_experiment = getattr(problem, "problem", None)
@@ -110,7 +121,7 @@ def build_regression(
         the usable samples of all recordings. Friction that grows with the load has the load of the
         problem's initial values.
 
-    Examples:
+    Example:
         >>> t = np.arange(0.0, 4.0, 0.01)[:, None]
         >>> q = np.sin(t * [2.0, 3.0])
         >>> record = pv.Recording.from_arrays(q, np.cos(t * [2.0, 3.0]), rate=100)

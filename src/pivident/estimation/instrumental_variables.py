@@ -58,6 +58,16 @@ class InstrumentalVariables(InstrumentalMethod):
     Attributes:
         signals: ``Bandpass()`` as in the literature, ``Algebraic()``, or ``RandomWalk()`` at full
             rate.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> recording = pv.simulate(robot, loop, duration=5.0, encoder=1e-5).recording
+        >>> method = pv.InstrumentalVariables(signals=pv.RandomWalk())
+        >>> for given in (loop, None):  # without a loop, instruments come from the record
+        ...     result = pv.identify(pv.Problem(robot, (recording,), given), method)
+        ...     print(result.method, round(result.params["fc1"], 2))
+        IDIM-IV (full rate) 4.0
+        IDIM-IV (full rate) (response) 4.0
     """
 
     signals: SignalRecipe = option(

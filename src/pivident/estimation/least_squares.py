@@ -44,6 +44,16 @@ class LeastSquares(Method):
 
     Attributes:
         weighted: whether joints are weighted by the inverse of their residual variance.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> recording = pv.simulate(robot, loop, duration=5.0, encoder=1e-5).recording
+        >>> problem = pv.Problem(robot, (recording,))
+        >>> for weighted in (False, True):  # the standard error of the elbow's friction [N m]
+        ...     result = pv.identify(problem, pv.LeastSquares(weighted=weighted))
+        ...     print(result.method, round(result.bse["fc2"], 4))
+        IDIM-OLS 0.0083
+        IDIM-WLS 0.0043
     """
 
     weighted: bool = option(True, "weight joints by the inverse of their residual variance")

@@ -177,6 +177,16 @@ class Problem(Printed):
             ``({"zz1r": 1.0, "ia1": -2.0}, 0.0)``.
         without_loop: why there is no loop, a sentence, where one was looked for.
         findings: what was decided about the model beforehand; every result repeats it.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> recording = pv.simulate(robot, loop, duration=5.0, encoder=1e-5).recording
+        >>> problem = pv.Problem(robot, (recording,), loop, fixed={"fc1": 4.0})
+        >>> problem
+        <Problem of 'planar 2R': 13 parameters, 1 recording, loop with PD>
+        >>> result = pv.identify(problem, "piv")
+        >>> result.params["fc1"], result.bse["fc1"]
+        (4.0, 0.0)
     """
 
     robot: Robot

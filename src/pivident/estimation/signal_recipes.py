@@ -61,6 +61,14 @@ class Bandpass(Decimated):
         at_instants: whether the differences, which are averages over two sampling periods, are
             made values at the instants (5 % of an acceleration at 5 Hz, logged at 80 Hz). None:
             where the cut-off comes from the record; the literature does not.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> recording = pv.simulate(robot, loop, duration=5.0, encoder=1e-5).recording
+        >>> recipe = pv.Bandpass(cutoff=30.0, decimation=20)
+        >>> result = pv.identify(pv.Problem(robot, (recording,)), pv.LeastSquares(signals=recipe))
+        >>> recording.samples, result.joints[0].rows  # a row for 20 samples, but at standstill
+        (5000, 203)
     """
 
     cutoff: float | tuple[float, ...] | None = option(
@@ -136,6 +144,16 @@ class RandomWalk(Options):
         align: whether the torque is moved to the instants of the central differences.
         measurement_noise: ``auto``: visible counts and spectral lines of the encoders are searched,
             and where there are any the smoother knows them. ``white``, or two passes: no search.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> recording = pv.simulate(robot, loop, duration=5.0, encoder=1e-5).recording
+        >>> problem = pv.Problem(robot, (recording,), loop)
+        >>> for cap in (None, 40.0):  # half-power frequencies, from the record or capped [Hz]
+        ...     method = pv.PrefilteredIV(signals=pv.RandomWalk(f50_max=cap))
+        ...     print([round(joint.f50, -1) for joint in pv.identify(problem, method).joints])
+        [50.0, 60.0]
+        [40.0, 40.0]
     """
 
     order: Literal[1, 2, 3, 4] = option(

@@ -60,6 +60,14 @@ def load_identification(path: str | PathLike[str], robot: Robot | None = None) -
     Raises:
         IdentificationFileError: the file cannot be read, is damaged, of another layout, or does
             not fit its robot; names file, key, value and next step.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> recording = pv.simulate(robot, loop, duration=5.0, encoder=1e-5).recording
+        >>> result = pv.identify(pv.Problem(robot, (recording,), loop), "piv")
+        >>> result.save("my-arm")
+        >>> pv.load_identification("my-arm").params == result.params
+        True
     """
     file = Path(path)
     if file.is_dir():

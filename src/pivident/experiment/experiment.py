@@ -313,6 +313,17 @@ def load_experiment(path: str | Path) -> Experiment:
     Raises:
         ExperimentError: it cannot be read, has an unknown key, a bad value or contradictory
             options; names the file, the key, the value and the next step.
+
+    Example:
+        >>> from pathlib import Path
+        >>> file = Path("arm.toml").write_text('''robot = "planar_2r"
+        ... [recording]
+        ... files = "log.csv"
+        ... columns = {t = "time", q = ["q1", "q2"], tau = ["tau1", "tau2"]}
+        ... ''')
+        >>> experiment = pv.load_experiment("arm.toml")
+        >>> experiment.robot, tuple(experiment.methods())
+        (<Robot 'planar 2R': 2 joints (shoulder, elbow)>, ('ls', 'iv-full-rate', 'piv'))
     """
     path = Path(path)
     with errors_name(path, ""):

@@ -102,6 +102,14 @@ class Robot(Printed):
         constraints: what closes the loops, see `pivident.robot.closed_robot`; None: a tree.
         sensors: force sensors, see `pivident.robot.with_wrench_sensors`.
         contacts: feet that stand, of a robot on a floating base.
+
+    Example:
+        >>> robot = pv.load_robot("planar_2r")
+        >>> robot.joint_names, robot.friction_nominal["fv1"]
+        (('shoulder', 'elbow'), 2.5)
+        >>> level = robot.with_gravity([0.0, 0.0, -9.81])  # the arm lies on a table
+        >>> len(pv.base_parameters(robot).names), len(pv.base_parameters(level).names)
+        (13, 11)
     """
 
     name: str

@@ -117,6 +117,14 @@ def load_recording(
     Raises:
         FileFormatError: a file, a column or a cell that cannot be read.
         RecordingError: channels, units, sides or time stamps that do not fit together.
+
+    Example:
+        >>> t = np.arange(4000) / 1000.0
+        >>> log = np.column_stack([t, np.degrees(np.sin(t)), np.cos(t)])
+        >>> np.savetxt("log.csv", log, delimiter=",", header="time,angle,torque", comments="")
+        >>> columns = {"t": "time", "q": "angle", "tau": "torque"}
+        >>> pv.load_recording("log.csv", columns, units={"q": "deg", "tau": "N m"})
+        <Recording 'log': 4000 samples of 1 joint at 1000 Hz, 3.999 s, channels q, tau>
     """
     _check_arguments(columns, units, robot, options)
     log = read_log(

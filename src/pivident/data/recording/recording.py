@@ -110,6 +110,14 @@ class Recording(Printed):
         SaturatedSignal: a torque is cut off for more than `checks.TOLERATED_CLIPPING` of the
             samples, and `saturation` is ``refuse``.
         RecordingError: a rate is not positive, a joint name appears twice, an option is unknown.
+
+    Example:
+        >>> t = np.arange(4000) / 1000.0
+        >>> q = np.column_stack([np.sin(t), np.cos(3.0 * t)])
+        >>> tau = np.column_stack([np.cos(t), np.sin(3.0 * t)])
+        >>> recording = pv.Recording.from_arrays(q, tau, rate=1000.0, name="run 1")
+        >>> recording.part(seconds=(1.0, 3.0))
+        <Recording 'run 1': 2000 samples of 2 joints at 1000 Hz, 1.999 s, channels q, tau>
     """
 
     name: str
@@ -487,7 +495,7 @@ class Recording(Printed):
         Example:
             >>> t = np.arange(2000) / 1000.0
             >>> q, tau = np.column_stack([np.sin(5 * t)] * 2), np.column_stack([np.cos(5 * t)] * 2)
-            >>> Recording.from_arrays(q, tau, rate=1000.0).joint_names
+            >>> pv.Recording.from_arrays(q, tau, rate=1000.0).joint_names
             ('joint_1', 'joint_2')
         """
         require_kind("inputs", inputs or {}, Mapping, "give arrays by name")

@@ -96,6 +96,13 @@ class PividentError(Advised):
         place: keys below the table of an experiment file that is being read, whose value the error
             is about; empty where nobody has said it.
         table: the table itself, where it is another one than that being read.
+
+    Example:
+        >>> try:
+        ...     pv.load_robot("planar_3r")
+        ... except pv.PividentError as error:
+        ...     print(error)
+        the gallery has no robot 'planar_3r'; did you mean 'planar_2r'?
     """
 
     place: tuple[str, ...] = ()

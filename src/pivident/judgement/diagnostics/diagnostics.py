@@ -135,6 +135,17 @@ def diagnose(
 
     Raises:
         ExperimentError: a result whose method is not known.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> recording = pv.simulate(robot, loop, duration=5.0, encoder=1e-5).recording
+        >>> problem = pv.Problem(robot, (recording,), loop)
+        >>> results = {name: pv.identify(problem, name) for name in ("ls", "piv")}
+        >>> print(pv.diagnose(problem, results, folds=3).out_of_sample)
+        method    error % < 20 Hz ...
+        IDIM-WLS             0.52 ...
+        IDIM-PIV             0.23 ...
+        Smallest held-out torque error: IDIM-PIV.
     """
     require_kind("identifications", identifications, Mapping, 'give them by name, {"ls": result}')
     say = progress or (lambda line: None)

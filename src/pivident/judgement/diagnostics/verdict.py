@@ -159,6 +159,17 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
 
     Returns:
         Statements in a fixed order, each with a severity and its numbers.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> recording = pv.simulate(robot, loop, duration=5.0, encoder=1e-5).recording
+        >>> problem = pv.Problem(robot, (recording,), loop)
+        >>> results = {"piv": pv.identify(problem, "piv")}
+        >>> verdict = pv.verdict(pv.diagnose(problem, results, folds=3))
+        >>> print(verdict)
+        Verdict: Good for torque prediction and simulation. ...
+        >>> verdict.answer("torque")
+        'yes'
     """
     attempts = attempts or Attempts()
     start = len(attempts.lines)

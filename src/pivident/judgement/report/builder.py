@@ -87,6 +87,14 @@ def write_report(
 
     Raises:
         PividentError: there is nothing to report on, or the file cannot be written.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> made = pv.simulate(robot, loop, duration=5.0, encoder=1e-5)
+        >>> problem = pv.Problem(robot, (made.recording,), loop)
+        >>> results = [pv.identify(problem, method) for method in ("ls", "piv")]
+        >>> pv.write_report(results, "reports/arm.html", truth=made.truth).name
+        'arm.html'
     """
     path = Path(path)
     if path.is_dir():

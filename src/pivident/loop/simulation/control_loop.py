@@ -124,6 +124,15 @@ class Loop(Printed):
             the loop.
         reconstructed: where the references come from, one for each recording.
         notes: sentences about law and reference that belong to every result.
+
+    Example:
+        >>> robot, gain = pv.load_robot("planar_2r"), np.array([100.0, 50.0])  # [N m per A]
+        >>> kp, kd = np.array([6000, 2500]), np.array([180, 60])  # [N m per rad, per rad/s]
+        >>> newton_metres, amperes = pv.PD(kp, kd), pv.PD(kp / gain, kd / gain)
+        >>> one = pv.simulate(robot, pv.Loop(newton_metres), duration=2.0).recording
+        >>> other = pv.simulate(robot, pv.Loop(amperes, drive_gain=gain), duration=2.0).recording
+        >>> np.allclose(one.tau, other.tau)
+        True
     """
 
     controller: Controller

@@ -192,6 +192,14 @@ def simulate(
         ShapeMismatch: the reference does not have one column for each joint.
         SimulationDiverged: the loop is unstable; names the joint and the time.
         MassMatrixNotPositiveDefinite: the values are those of no machine; names the joint.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> made = pv.simulate(robot, loop, duration=5.0, encoder=1e-5, seed=1)
+        >>> made.recording
+        <Recording 'simulated': 5000 samples of 2 joints at 1000 Hz, 4.999 s, channels q, tau, ...>
+        >>> made.truth["fc1"]
+        4.0
     """
     if not isinstance(loop, Loop):
         raise ExperimentError(

@@ -350,6 +350,15 @@ def make_consistent(
         ExperimentError: unknown prior, a margin that is not positive, a reference that does not
             fit.
         IdentificationError: a covariance that cannot serve as a metric.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> recording = pv.simulate(robot, loop, duration=5.0, encoder=1e-5).recording
+        >>> result = pv.identify(pv.Problem(robot, (recording,), loop), "piv")
+        >>> for link in pv.make_consistent(result).links:
+        ...     print(f"{link.name}: {link.mass:.2f} kg")
+        upper_arm: 4.00 kg
+        forearm: 2.50 kg
     """
     kinds = "give what identify returns; a robot's own values are stored_model(robot)"
     require_kind("identification", identification, Identification, kinds)

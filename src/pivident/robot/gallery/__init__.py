@@ -33,6 +33,13 @@ def load_robot(name_or_path: str | Path) -> Robot:
 
     Raises:
         RobotDescriptionError: there is no such robot, or its file cannot be used.
+
+    Example:
+        >>> pv.load_robot("planar_2r")
+        <Robot 'planar 2R': 2 joints (shoulder, elbow)>
+        >>> robot = pv.load_robot("staubli_tx40")
+        >>> np.degrees(robot.rated_speeds).round()
+        array([287., 287., 430., 410., 320., 700.])
     """
     text = str(name_or_path)
     if text.endswith(".toml"):

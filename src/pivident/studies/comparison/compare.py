@@ -179,6 +179,17 @@ def compare(
         ComparisonError: fewer than two results, labels that do not fit, or robots that have the
             same joints in another order.
         IdentificationFileError: a file cannot be used.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> results = {}
+        >>> for seed, (day, fv1) in enumerate({"Monday": 2.5, "Friday": 3.0}.items()):
+        ...     made = pv.simulate(robot, loop, values={"fv1": fv1}, encoder=1e-5, seed=seed)
+        ...     results[day] = pv.identify(pv.Problem(robot, (made.recording,), loop), "piv")
+        >>> print(pv.compare(results))
+        Results ...
+        · Friday: 1 of 13 parameters differs significantly from Monday: fv1 +20.0...
+        ...
     """
     if isinstance(results, Mapping):
         labels, results = labels or list(results), list(results.values())

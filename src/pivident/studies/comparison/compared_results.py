@@ -38,6 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.sentences import plural
 from pivident.studies.comparison.entry import Entry
 from pivident.studies.comparison.friction_curves import JointFriction
 
@@ -248,7 +249,8 @@ class ComparedResults(Displayed):
         return tuple(p.name for p in self.parameters if self.is_marked(p.differences[entry]))
 
     def __repr__(self) -> str:
+        marked = sum(len(self.marked(k)) for k in range(len(self.entries)))
         return (
             f"<Comparison of {', '.join(self.labels)}: {len(self.parameters)} parameters, "
-            f"{sum(len(self.marked(k)) for k in range(len(self.entries)))} significant differences>"
+            f"{plural(marked, 'significant difference')}>"
         )

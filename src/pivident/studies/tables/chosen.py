@@ -99,6 +99,17 @@ def table(thing: Any, name: str | None = None) -> Table:
 
     Raises:
         TableError: there is no table of that thing, or none of that name.
+
+    Example:
+        >>> robot = pv.load_robot("planar_2r")
+        >>> print(pv.table(robot, "parameters"))
+        parameter  joint     kind   nominal  unit       group
+        zz1r       shoulder  zz     0.864    kg m²      zz1 + ia1 + 0.16 m2
+        ...
+        off2       elbow     off   -0.2      N m        off2
+        >>> frame = pv.table(robot, "parameters").to_pandas()
+        >>> frame[frame.kind == "fc"].nominal.tolist()  # Coulomb friction [N m]
+        [4.0, 2.0]
     """
     module, prefix, names = _entry(thing)
     chosen = names[0] if name is None else name

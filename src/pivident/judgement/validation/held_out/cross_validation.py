@@ -257,6 +257,13 @@ def cross_validate(
     Raises:
         ExperimentError: an impossible gap, or a second recording that is the fitted one.
         IdentificationError: the method fails on the whole record, or on every fold.
+
+    Example:
+        >>> robot, loop = pv.load_robot("planar_2r"), pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
+        >>> recording = pv.simulate(robot, loop, duration=5.0, encoder=1e-5).recording
+        >>> problem = pv.Problem(robot, (recording,), loop)
+        >>> print(pv.cross_validate(problem, "piv", folds=3))
+        IDIM-PIV on 3 held-out blocks, gaps of 0.1 s: torque error 0.23 % below 20 Hz, ...
     """
     with Stages.of(progress) as say:
         motion = JudgedMotion.of(problem, recording)
