@@ -114,6 +114,7 @@ class Results:
     hash: str = ""  # its SHA-256 when it was read
 
 
+@shared_work()
 def run_experiment(
     path: Path,
     names: Sequence[str],
@@ -130,7 +131,7 @@ def run_experiment(
     """
     from pivident.experiment.experiment import load_experiment
 
-    with Progress() as progress, shared_work():
+    with Progress() as progress:
         attempts = Attempts(progress.keep)
         experiment, hashed = load_experiment(path), sha256(path)
         methods = experiment.methods(free_methods(names))
@@ -212,13 +213,14 @@ def run_experiment(
     return replace(outcome, unjudged=attempts.unexpected or not whole)
 
 
+@shared_work()
 def run_demo(out: Path, seed: int = 0) -> Outcome:
     """Simulate a TX40 record, identify it, print estimates against truth, write the report."""
     from pivident.experiment.simulated_tx40 import tx40_machine
 
     check_output(out)
     compile_ahead()
-    with Progress() as progress, shared_work():
+    with Progress() as progress:
         attempts = Attempts(progress.keep)
         progress.say("simulating the closed loop of a TX40 (the first run compiles, be patient)")
         problem, truth = tx40_machine(seed)

@@ -203,11 +203,11 @@ def _best_factor(
     reach: float,
 ) -> float | None:
     """Factor with the lowest score, where one of some is better than one; None if it is near."""
-    from scipy.optimize import minimize_scalar
-
     given = float(rows.scores().mean())
     if all(float(scores(factor).mean()) >= given for factor in tried):
         return None
+    from scipy.optimize import minimize_scalar
+
     found = minimize_scalar(
         lambda x: float(scores(np.exp(x)).mean()),
         bounds=(-np.log(reach), np.log(reach)), method="bounded", options={"xatol": 1e-3},
