@@ -317,7 +317,7 @@ class CauseRows:
         squares, rows = np.zeros((2, self.problem.robot.size))
         for record in self.joints:
             for j, r in enumerate(record):
-                squares[j] += np.sum((r.tau - theta[r.columns] @ r.x) ** 2)
+                squares[j] += np.sum(r.residual(theta) ** 2)
                 rows[j] += np.count_nonzero(r.tau)
         return np.maximum(squares / np.maximum(rows, 1.0), 1e-300)
 
