@@ -12,6 +12,8 @@ import re
 import secrets
 import shutil
 import stat
+import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from os import PathLike
@@ -67,6 +69,21 @@ def json_object(path: str | PathLike[str], max_bytes: int) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise ValueError(f"holds a {type(content).__name__}, not an object")
     return content
+
+
+def keep(path: Path, content: bytes) -> None:
+    """Write what was made of an installed source, where Python itself may keep its bytecode.
+
+    The folder may be missing, read-only or deleted at any time; the file is whole or not there.
+    """
+    if sys.dont_write_bytecode:
+        return
+    with suppress(OSError):
+        path.parent.mkdir(exist_ok=True)
+        handle, part = tempfile.mkstemp(dir=path.parent)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        os.replace(part, path)
 
 
 def check_output(folder: Path) -> None:

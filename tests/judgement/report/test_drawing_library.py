@@ -3,6 +3,7 @@
 import base64
 import json
 import random
+import sys
 import zlib
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 import pivident.judgement.report
-from pivident.foundation.document.plot import drawing_library
+from pivident.foundation.document.plot import deflated, drawing_library
 from tests.browser import asked, needs_browser
 
 SCRIPT = Path(pivident.judgement.report.__file__).parent / "templates" / "inflate.js"
@@ -29,6 +30,33 @@ def test_it_is_deflated_and_nothing_else():
     assert text.decode() == get_plotlyjs()
     assert len(text) == found.size
     assert len(found.packed) < 0.45 * found.size
+
+
+def test_it_is_packed_once(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    found = deflated(b"text", tmp_path)
+    (kept,) = tmp_path.iterdir()
+    monkeypatch.setattr(zlib, "compressobj", None)  # what packs
+    assert deflated(b"text", tmp_path) == found
+    assert list(tmp_path.iterdir()) == [kept]
+
+
+@pytest.mark.parametrize("damage", [lambda x: b"", lambda x: x[:-1], lambda x: x[:40] + b"A" * 9])
+def test_what_is_damaged_or_of_another_text_is_packed_again(tmp_path, monkeypatch, damage):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    deflated(b"text", tmp_path)
+    (kept,) = tmp_path.iterdir()
+    whole = kept.read_bytes()
+    kept.write_bytes(damage(whole))
+    for text in (b"text", b"another"):
+        assert zlib.decompress(base64.b64decode(deflated(text, tmp_path)), wbits=-15) == text
+    assert kept.read_bytes() == whole
+
+
+def test_nothing_is_kept_where_python_writes_no_bytecode(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    assert deflated(b"text", tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.fixture(scope="module")

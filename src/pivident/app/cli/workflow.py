@@ -109,6 +109,7 @@ class Results:
     hash: str = ""  # its SHA-256 when it was read
 
 
+@shared_work()
 def run_experiment(
     path: Path,
     names: Sequence[str],
@@ -125,7 +126,7 @@ def run_experiment(
     """
     from pivident.experiment.experiment import load_experiment
 
-    with Progress() as progress, shared_work():
+    with Progress() as progress:
         attempts = Attempts(progress.keep)
         experiment, hashed = load_experiment(path), sha256(path)
         methods = experiment.methods(free_methods(names))
@@ -216,13 +217,14 @@ def run_experiment(
     return replace(outcome, unjudged=attempts.unexpected or not whole)
 
 
+@shared_work()
 def run_demo(out: Path, seed: int = 0) -> Outcome:
     """Simulate a TX40 record, identify it, print estimates against truth, write the report."""
     from pivident.experiment.simulated_tx40 import tx40_machine
 
     check_output(out)
     compile_ahead()
-    with Progress() as progress, shared_work():
+    with Progress() as progress:
         attempts = Attempts(progress.keep)
         methods = {n: METHODS[n] for n in DEMO_METHODS}
         say_compiling(progress, methods, looped=True)

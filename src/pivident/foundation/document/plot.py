@@ -9,16 +9,20 @@ The library that draws the figures, packed: it is two thirds of a page otherwise
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 import zlib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pivident.foundation.extras import folder_of, require
+from pivident.foundation.files import keep
 from pivident.foundation.text.plain_values import plain
 
 #: A curve, a row of bars, a map: its kind and attributes.
@@ -207,8 +211,20 @@ def library_text() -> str:
 
 @cache
 def drawing_library() -> DrawingLibrary:
-    """plotly.js of the installed package, packed once per process."""
+    """plotly.js of the installed package."""
     text = library_text().encode("utf-8")
+    return DrawingLibrary(deflated(text), len(text))
+
+
+def deflated(text: bytes, folder: Path = Path(__file__).parent / "__pycache__") -> str:
+    """A text deflated, in base64; found again by its digest, and made again where it is damaged."""
+    kept = folder / f"{hashlib.sha256(text).hexdigest()}.deflated"
+    with suppress(OSError):
+        content = kept.read_bytes()
+        digest, packed = content[:32], content[32:]
+        if hashlib.sha256(packed).digest() == digest:
+            return packed.decode("ascii")
     packer = zlib.compressobj(9, wbits=-zlib.MAX_WBITS)  # without header and checksum
-    packed = packer.compress(text) + packer.flush()
-    return DrawingLibrary(base64.b64encode(packed).decode("ascii"), len(text))
+    packed = base64.b64encode(packer.compress(text) + packer.flush())
+    keep(kept, hashlib.sha256(packed).digest() + packed)
+    return packed.decode("ascii")

@@ -179,9 +179,10 @@ def json_of_entries(content: Mapping[str, Any]) -> str:
     """A JSON object with a line for each key, and for each element of a list."""
     entries = []
     for key, value in content.items():
-        text = strict_json(value)
         if isinstance(value, list) and value:
             text = "[\n    " + ",\n    ".join(map(strict_json, value)) + "\n  ]"
+        else:
+            text = strict_json(value)
         entries.append(f"  {strict_json(key)}: {text}")
     return "{\n" + ",\n".join(entries) + "\n}\n"
 

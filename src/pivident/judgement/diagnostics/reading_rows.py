@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
@@ -168,9 +167,11 @@ class ReadingRows:
     @cached_property
     def sums(self) -> Sums:
         """Sums of each stretch and joint, torques in units of their own rms."""
-        stretches, first = np.unique(self.block, return_index=True)
-        spans = [slice(*ends) for ends in pairwise([*first.tolist(), len(self.block)])]
-        shape, size = (len(stretches), self.robot.size), len(self.regressor.parameters)
+        _, number, count = np.unique(self.block, return_inverse=True, return_counts=True)
+        longest = count.max()  # zeros make all stretches as long, for one product of all
+        begin = np.cumsum(count) - count
+        place = number * longest + np.arange(number.size) - begin[number]
+        shape, size = (count.size, self.robot.size), len(self.regressor.parameters)
         gram, right, square = (
             np.zeros((*shape, size, size)),
             np.zeros((*shape, size)),
@@ -181,13 +182,13 @@ class ReadingRows:
         for j in range(self.robot.size):
             if self.like is not None and self._has_torque_of(self.like, j):
                 continue
-            phi, tau = self._rows_of(j)
             columns = self.regressor.columns_of(j)
-            for b, span in enumerate(spans):
-                own, y = phi[:, span], tau[span]
-                gram[b, j, columns[:, None], columns] = own @ own.T
-                right[b, j, columns] = own @ y
-                square[b, j] = y @ y
+            rows = np.zeros((columns.size + 1, count.size * longest))
+            rows[:, place] = self._rows_of(j)
+            parts = rows.reshape(-1, count.size, longest).transpose(1, 0, 2)
+            products = parts @ parts.transpose(0, 2, 1)
+            gram[:, j, columns[:, None], columns] = products[:, :-1, :-1]
+            right[:, j, columns], square[:, j] = products[:, :-1, -1], products[:, -1, -1]
         return gram, right, square
 
     def _has_torque_of(self, other: ReadingRows, joint: int) -> bool:
@@ -195,12 +196,13 @@ class ReadingRows:
         pairs = (self.channels["tau"], other.channels["tau"]), (self.moving, other.moving)
         return all(np.array_equal(own[:, joint], their[:, joint]) for own, their in pairs)
 
-    def _rows_of(self, joint: int) -> tuple[np.ndarray, np.ndarray]:
-        """Φ of a joint's own columns, shape (columns, rows), and τ, in units of its rms."""
+    def _rows_of(self, joint: int) -> np.ndarray:
+        """Φ of a joint's own columns, and τ in units of its rms, shape (columns + 1, rows)."""
         tau, moving = self.channels["tau"][:, joint], self.moving[:, joint]
         size = np.sqrt(np.mean(np.where(moving, tau, 0.0) ** 2))
         scale = moving / (size if size > 0.0 else np.inf)
-        return self.entries[self.regressor.row == joint] * scale, tau * scale
+        own = slice(*self.regressor.offsets[joint : joint + 2])
+        return np.vstack([self.entries[own], tau]) * scale
 
 
 def _regressor(robot: Robot, names: tuple[str, ...]) -> Regressor:

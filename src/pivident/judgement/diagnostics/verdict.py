@@ -18,6 +18,7 @@ from typing import Any
 from pivident.data.logs.torque_scale import scale_headline
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRange
+from pivident.foundation.common_work import once
 from pivident.foundation.errors import Attempts, require_kind
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding, Severity, worst
@@ -171,12 +172,17 @@ def verdict(diagnostics: Diagnostics | Identification, attempts: Attempts | None
         >>> verdict.answer("torque")
         'yes'
     """
-    attempts = attempts or Attempts()
-    start = len(attempts.lines)
     if isinstance(diagnostics, Identification):
         diagnostics = diagnose_one({diagnostics.method: diagnostics})
     kinds = "give an Identification, or what diagnose returns"
     require_kind("diagnostics", diagnostics, Diagnostics, kinds)
+    asked = diagnostics, attempts or Attempts()
+    return once(("verdict", diagnostics), lambda: _verdict(*asked))
+
+
+def _verdict(diagnostics: Diagnostics, attempts: Attempts) -> Verdict:
+    """The same, put into words once for files, page and terminal."""
+    start = len(attempts.lines)
     name = diagnostics.recommended
     result = diagnostics.identifications[name]
     both, own, every = (diagnostics, name), (result,), (diagnostics,)

@@ -57,6 +57,8 @@ ENDS = 3.0
 Columns = tuple[np.ndarray, list[np.ndarray]]
 #: Size below which a number is zero; products of such would be denormal, and slow.
 VANISHING = 1e-150
+#: Signals that are filtered together, as many as stay in the cache of a processor on the way.
+TOGETHER = 8
 
 
 @dataclass(frozen=True)
@@ -152,13 +154,15 @@ class BandRows:
         """
         from scipy.fft import irfft, rfft
 
-        if not len(signals):
-            return np.zeros((0, self.at.size))
-        length = self.samples // fraction
-        spectrum = rfft(np.asarray(signals)[:, :length], length, axis=1)[:, : gain.size]
-        whole = irfft(spectrum * (gain * fraction / self.step), self.count, axis=1)
-        rows = np.ascontiguousarray(whole[:, self.kept])
-        rows[np.abs(rows) < VANISHING] = 0.0
+        length, gain = self.samples // fraction, gain * fraction / self.step
+        rows = np.empty((len(signals), self.at.size))
+        for first in range(0, len(signals), TOGETHER):
+            some = slice(first, first + TOGETHER)
+            spectrum = rfft(np.asarray(signals[some])[:, :length], length, axis=1)[:, : gain.size]
+            spectrum *= gain
+            kept = irfft(spectrum, self.count, axis=1)[:, self.kept]
+            kept[np.abs(kept) < VANISHING] = 0.0
+            rows[some] = kept
         return rows
 
 
@@ -213,11 +217,13 @@ class CauseRows:
             gain = rows.gain(self._weight(j, rate, grid.rate))
 
             def passed(columns: Columns) -> np.ndarray:
-                of_causes = np.empty((len(alive), rows.at.size))
+                model = columns[0][own]
+                out = np.empty((len(model) + len(alive), rows.at.size))
+                out[: len(model)] = rows.passed(model, gain)
                 for kind, fraction in ((smooth, grid.fraction), (~smooth, 1)):
                     chosen = [columns[1][c][j] for c, one in zip(alive, kind, strict=True) if one]
-                    of_causes[kind] = rows.passed(chosen, gain, fraction)
-                return np.vstack([rows.passed(columns[0][own], gain), of_causes])
+                    out[len(model) :][kind] = rows.passed(chosen, gain, fraction)
+                return out
 
             x = passed(measured)
             y = x if made is None else passed(made)
@@ -231,7 +237,9 @@ class CauseRows:
                 np.vstack([torque, residual, np.where(used[j], 0.0, residual)]), gain
             )
             counts = rows_worth_using(whole, rest, free & near, free & far)
-            out[j] = JointRows(index, x * counts, y * counts, tau * counts)
+            for values in (x, tau) if y is x else (x, y, tau):
+                values *= counts
+            out[j] = JointRows(index, x, y, tau)
 
         run_in_threads(thin, range(len(out)))
         return [r for r in out if r is not None]
@@ -309,7 +317,7 @@ class CauseRows:
         squares, rows = np.zeros((2, self.problem.robot.size))
         for record in self.joints:
             for j, r in enumerate(record):
-                squares[j] += np.sum((r.tau - theta[r.columns] @ r.x) ** 2)
+                squares[j] += np.sum(r.residual(theta) ** 2)
                 rows[j] += np.count_nonzero(r.tau)
         return np.maximum(squares / np.maximum(rows, 1.0), 1e-300)
 

@@ -33,10 +33,21 @@ class JointRows:
     y: np.ndarray
     tau: np.ndarray  # shape (rows,)
 
+    def residual(self, theta: np.ndarray) -> np.ndarray:
+        """τ - Xθ, shape (rows,); ``theta``: of all columns, zero from some on."""
+        weights = theta[self.columns]
+        # in fours, as libraries sum: then the last bit is that of the product of all
+        last = -(-np.trim_zeros(weights, "b").size // 4) * 4
+        return np.asarray(self.tau - weights[:last] @ self.x[:last])
+
 
 #: Columns of several causes, as many of each: places among those of a joint, shape (causes, n), and
 #: of their products among all such, shape (causes, n, n).
 Group = tuple[np.ndarray, np.ndarray]
+
+
+#: Columns for which there is room beside those that stay.
+SPARE = 16
 
 
 class Products:
@@ -52,8 +63,9 @@ class Products:
         columns, sizes = int(first[-1]), np.diff(first)
         self.tau = np.zeros((parts, columns))
         self.is_symmetric = is_symmetric
-        self._left = np.zeros((parts, 0, columns))  # A of the columns that stay, X of all
-        self._right = np.zeros((parts, columns, 0))  # A of all, X of the columns that stay
+        # A of the columns that stay and X of all, A of all and X of these; with room for a few more
+        self._left = np.zeros((parts, 0, columns))
+        self._right = np.zeros((parts, columns, 0))
         self._own = np.zeros((parts, int(np.sum(sizes**2))))  # of each cause's with one another
         self._place = np.full(columns, -1)  # of a column among those that stay
         # The cause of a column, -1 for the model; its place there; where its products begin
@@ -90,14 +102,17 @@ class Products:
 
     def border(self, columns: np.ndarray) -> None:
         """Make room for the products of more columns, which stay from now on, with all."""
-        parts, every = self.tau.shape
-        self._place[columns] = self._left.shape[1] + np.arange(columns.size)
-        self._left = np.concatenate([self._left, np.zeros((parts, columns.size, every))], axis=1)
-        if self.is_symmetric:
-            self._right = self._left.transpose(0, 2, 1)
-        else:
-            more = np.zeros((parts, every, columns.size))
-            self._right = np.concatenate([self._right, more], axis=2)
+        (parts, every), stay = self.tau.shape, int(self._place.max()) + 1
+        self._place[columns] = stay + np.arange(columns.size)
+        if stay + columns.size > self._left.shape[1]:
+            room, left, right = stay + columns.size + SPARE, self._left, self._right
+            self._left = np.zeros((parts, room, every))
+            self._left[:, :stay] = left[:, :stay]
+            if self.is_symmetric:
+                self._right = self._left.transpose(0, 2, 1)
+            else:
+                self._right = np.zeros((parts, every, room))
+                self._right[:, :, :stay] = right[:, :, :stay]
 
     def stays(self, columns: np.ndarray) -> np.ndarray:
         """Which columns' products with all others are there."""
@@ -237,7 +252,7 @@ class CauseSums:
         whole[columns] = theta
         for record in self.records:
             for joint, (rows, lam) in enumerate(zip(record, self.variance, strict=True)):
-                squares[joint] += np.sum((rows.tau - whole[rows.columns] @ rows.x) ** 2) / lam
+                squares[joint] += np.sum(rows.residual(whole) ** 2) / lam
         return squares
 
 

@@ -191,9 +191,10 @@ class ColumnTests:
         across = windows.of(own[:, :, None], stay)
         beside = np.moveaxis(windows.of(stay[:, None, None], own), 1, 2)
         theta, size = self.theta[:, :, None], self.size[:, :, None]
-        scores = windows.tau[:, None, stay, None] - inside[:, None] @ theta - beside @ size
+        scores = windows.tau[:, None, stay] - self.theta @ inside.swapaxes(1, 2)
+        scores = (scores - (beside @ size)[..., 0]) @ without.inverse.swapaxes(1, 2)
         rest = windows.tau[:, own, None] - across @ theta - alone @ size
-        rest = rest - without.cross[:, place] @ (without.inverse[:, None] @ scores)
+        rest = rest - without.cross[:, place] @ scores[..., None]
         steps = np.linalg.solve(without.schur(place), rest)[..., 0]
         return np.einsum("wki,wkj->kij", steps, steps) / OVERLAP
 

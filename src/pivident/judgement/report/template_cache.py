@@ -8,14 +8,13 @@ written whole or not at all, and whatever cannot be read is translated again.
 from __future__ import annotations
 
 import marshal
-import os
-import sys
-import tempfile
 from contextlib import suppress
 from pathlib import Path
 
 from jinja2 import BytecodeCache
 from jinja2.bccache import Bucket, bc_magic
+
+from pivident.foundation.files import keep
 
 _FOLDER = Path(__file__).parent / "templates" / "__pycache__"
 
@@ -34,14 +33,7 @@ class TemplateCache(BytecodeCache):
 
     def dump_bytecode(self, bucket: Bucket) -> None:
         """Keep the code, where Python itself may keep any."""
-        if sys.dont_write_bytecode:
-            return
-        with suppress(OSError):
-            self.folder.mkdir(exist_ok=True)
-            handle, part = tempfile.mkstemp(dir=self.folder)
-            with os.fdopen(handle, "wb") as file:
-                file.write(marshal.dumps(bucket.code))
-            os.replace(part, self._file(bucket))
+        keep(self._file(bucket), marshal.dumps(bucket.code))
 
     def _file(self, bucket: Bucket) -> Path:
         return self.folder / f"{bucket.key}.{bucket.checksum}.{bc_magic.hex()}"
