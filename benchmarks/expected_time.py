@@ -53,8 +53,8 @@ def processor_time(process: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def measured(folder: Path) -> dict[str, np.ndarray]:
-    """Seconds of each stage of one run: expected, taken, and of the processor."""
+def measured(folder: Path) -> tuple[float, dict[str, np.ndarray]]:
+    """What a run announces [s], and seconds of each stage: expected, taken, of the processor."""
     channel = folder / "progress.jsonl"
     channel.unlink(missing_ok=True)
     environment = os.environ | {"PIVIDENT_PROGRESS": str(channel)}
@@ -64,20 +64,22 @@ def measured(folder: Path) -> dict[str, np.ndarray]:
     )  # fmt: skip
     expected: dict[str, float] = {}
     begins: dict[str, tuple[float, float]] = {}
-    now, seen = (0.0, 0.0), 0
+    now, seen, announced = (0.0, 0.0), 0, np.nan
     while started.poll() is None:
         time.sleep(0.005)
         with suppress(OSError, IndexError):  # it may have ended since
             now = time.perf_counter(), processor_time(started.pid)
-        lines = channel.read_text("utf-8").splitlines() if channel.exists() else []
+        lines = channel.read_text("utf-8").split("\n")[:-1] if channel.exists() else []
         for line in lines[seen:]:
             entry = json.loads(line)
-            expected |= entry.get("stages", {})
+            if "stages" in entry:
+                expected, announced = entry["stages"], entry["left_s"]
             if "stage" in entry:
                 begins[entry["stage"]] = now
         seen = len(lines)
     taken = np.diff([*begins.values(), now], axis=0)
-    return {n: np.array([expected[n], *own]) for n, own in zip(begins, taken, strict=True)}
+    own = zip(begins, taken, strict=True)
+    return announced, {n: np.array([expected[n], *seconds]) for n, seconds in own}
 
 
 def main() -> None:
@@ -88,8 +90,8 @@ def main() -> None:
     arguments = parser.parse_args()
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     print(
-        "| log | expected [s] | taken [s] | taken over expected | stages: taken (processor) of "
-        "expected [s] |"
+        "| log | announced [s] | taken [s] | taken over announced | stages: taken (processor) of "
+        "expected at the pace of reference [s] |"
     )
     print("|---|---:|---:|---:|---|")
     for name in arguments.logs:
@@ -98,12 +100,13 @@ def main() -> None:
             prepare(name, folder)
             measured(folder)
             runs = [measured(folder) for _ in range(arguments.repeats)]
-        stages = {n: np.median([own[n] for own in runs], axis=0) for n in runs[0]}
-        expected, taken, _ = np.sum(list(stages.values()), axis=0)
+        announced = float(np.median([first for first, _ in runs]))
+        stages = {n: np.median([own[n] for _, own in runs], axis=0) for n in runs[0][1]}
+        taken = sum(own[1] for own in stages.values())
         words = ", ".join(
             f"{n} {t:.2f} ({own:.2f}) of {e:.2f}" for n, (e, t, own) in stages.items()
         )
-        row = f"| {name} | {expected:.2f} | {taken:.2f} | {taken / expected:.2f} | {words} |"
+        row = f"| {name} | {announced:.1f} | {taken:.1f} | {taken / announced:.2f} | {words} |"
         print(row, flush=True)
 
 

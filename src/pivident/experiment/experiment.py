@@ -42,6 +42,7 @@ from pivident.experiment.missing_torque import check_torque, is_without_torque
 from pivident.experiment.recording_tables import loop_of, one_by_one, run_of
 from pivident.experiment.robot_table import FRICTION_KEYS, robot_of
 from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.foundation.text.display import Displayed
 from pivident.loop.motion.law_torque import with_law_torque
 from pivident.loop.simulation.control_loop import Loop
 from pivident.models.consistency.options import ConsistencyOptions, free_methods, made_consistent
@@ -54,7 +55,7 @@ WITHOUT_CONSISTENCY = "leave out pc- before the methods and the table [consisten
 
 
 @dataclass(frozen=True, eq=False)
-class Experiment:
+class Experiment(Displayed):
     """A checked experiment file.
 
     Attributes:

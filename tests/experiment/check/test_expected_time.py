@@ -18,12 +18,17 @@ from tests.planar_log import EXPERIMENT, write_experiment
 
 FOUR = ("ls", "iv", "iv-full-rate", "piv")
 
-#: Samples, joints, parameters, methods, whether the law is to be found, and seconds measured.
+THREE = ("ls", "iv-full-rate", "piv")
+
+#: Samples, joints, parameters, methods, whether there is a loop, whether its law is to be found,
+#: and seconds measured by benchmarks/expected_time.py.
 MEASURED = {
-    "TIAGo": (6174, 5, 40, ("ls",), False, 2.1),
-    "EMPS": (24841, 1, 4, FOUR, False, 3.7),
-    "UR10e": (27082, 6, 58, ("ls", "iv-full-rate", "piv"), True, 11.0),
-    "TX40": (37250, 6, 34, FOUR, False, 6.0),
+    "planar": (2000, 2, 13, THREE, False, False, 2.7),
+    "UR10": (3441, 6, 58, THREE, False, False, 4.2),
+    "EMPS": (24841, 1, 4, FOUR, True, False, 3.1),
+    "KR300": (3200, 3, 21, FOUR, True, True, 3.3),
+    "TX40": (37250, 6, 34, FOUR, True, False, 6.0),
+    "seven": (20000, 8, 78, THREE, False, False, 8.8),
 }
 
 
@@ -36,23 +41,24 @@ def problem_of(samples, joints, parameters, loop=True):
     )
 
 
-def seconds(samples, joints, parameters, methods, law, folds=5):
-    problem = problem_of(samples, joints, parameters, None if methods == ("ls",) else True)
+def seconds(samples, joints, parameters, methods, loop, law, folds=5):
+    problem = problem_of(samples, joints, parameters, True if loop else None)
     chosen = {name: METHODS[name] for name in methods}
     return expected_time(problem, chosen, folds, law_unknown=law)
 
 
 @pytest.mark.parametrize("name", MEASURED)
-def test_measured_identifications_are_within_a_factor_of_two(name):
+def test_measured_identifications_are_within_a_factor_of_one_and_a_half(name):
     *given, measured = MEASURED[name]
-    assert 0.5 < seconds(*given) / measured < 2.0
+    assert 1 / 1.5 < seconds(*given) / measured < 1.5
 
 
 def test_folds_methods_and_law_cost_time():
-    whole = seconds(30000, 6, 40, FOUR, True)
-    assert seconds(30000, 6, 40, FOUR, True, folds=0) < 0.9 * whole
-    assert seconds(30000, 6, 40, ("ls",), True) < 0.8 * whole
-    assert seconds(30000, 6, 40, FOUR, False) < whole
+    whole = seconds(30000, 6, 40, FOUR, True, True)
+    assert seconds(30000, 6, 40, FOUR, True, True, folds=0) < 0.95 * whole
+    assert seconds(30000, 6, 40, ("ls",), True, True) < 0.8 * whole
+    assert seconds(30000, 6, 40, FOUR, True, False) < whole
+    assert seconds(30000, 6, 40, FOUR, False, False) < seconds(30000, 6, 40, FOUR, True, False)
 
 
 def test_stages_are_in_the_order_in_which_they_pass():
@@ -62,7 +68,7 @@ def test_stages_are_in_the_order_in_which_they_pass():
     both = expected_stages(problem_of(30000, 6, 40), chosen, 5, consistent=2)
     assert [*both] == [*FOUR, JUDGED, CONSISTENT, WRITTEN] and min(both.values()) > 0.0
     without = expected_stages(problem_of(30000, 6, 40, None), chosen, 5)
-    assert without[JUDGED] < 0.6 * stages[JUDGED]  # no loop is simulated
+    assert without[JUDGED] < 0.9 * stages[JUDGED]  # no loop is simulated
 
 
 def test_times_in_words():
