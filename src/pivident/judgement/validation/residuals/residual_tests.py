@@ -22,6 +22,7 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.foundation.distributions import chi_square
+from pivident.foundation.text.display import Displayed
 from pivident.foundation.threads import run_in_threads
 from pivident.judgement.validation.residuals.autocorrelation import (
     EXTRA_LAGS,
@@ -150,7 +151,7 @@ _FINDINGS = {
 
 
 @dataclass(frozen=True, eq=False)
-class JointResidualTests:
+class JointResidualTests(Displayed):
     """Tests on the residual of one joint."""
 
     name: str  # joint
@@ -181,7 +182,7 @@ class JointResidualTests:
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualTests:
+class ResidualTests(Displayed):
     """Tests on the residuals of all joints.
 
     Attributes:
