@@ -54,3 +54,15 @@ def test_it_leaves_the_shared_kernels_in_the_cache():
         normal_equations._add_products,
     )
     assert [kernel.__name__ for kernel in kernels if not is_compiled(kernel)] == []
+
+
+def test_the_first_command_says_what_it_waits_for(monkeypatch, capsys):
+    started = []
+    monkeypatch.setattr(ahead, "is_compiled", lambda kernel: False)
+    monkeypatch.setattr(ahead, "compile_ahead", lambda: started.append(True))
+    ahead.compile_in_first_run()
+    said = capsys.readouterr().err
+    assert started and "Compiling for this computer takes about 12 s, in this first run" in said
+    monkeypatch.setattr(ahead, "is_compiled", lambda kernel: True)
+    ahead.compile_in_first_run()
+    assert len(started) == 1 and not capsys.readouterr().err

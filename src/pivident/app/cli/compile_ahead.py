@@ -13,6 +13,7 @@ import atexit
 import subprocess
 import sys
 
+from pivident.app.cli.console import note
 from pivident.foundation.compiled import is_compiled
 
 
@@ -47,6 +48,12 @@ def is_first_run() -> bool:
 def compile_in_first_run() -> None:
     """Let the first command of all compile what the next one needs, beside its own work."""
     if is_first_run():
+        from pivident.experiment.check.plan import COMPILING, in_words
+
+        note(
+            f"Compiling for this computer takes about {in_words(COMPILING[0])}, in this first run "
+            "only."
+        )
         compile_ahead()
 
 
