@@ -190,7 +190,7 @@ class Problem(Printed):
     """
 
     robot: Robot
-    recordings: tuple[Recording, ...]
+    recordings: Sequence[Recording]
     loop: Loop | None = None
     parameters: tuple[str, ...] | None = None
     mask: Literal["auto"] | float | None = "auto"
