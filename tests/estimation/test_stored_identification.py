@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pivident as pv
+from pivident.dynamics.grouping import closed_form
 from pivident.estimation import stored_identification as reload
 from pivident.estimation.identification_file import (
     IDENTIFICATION,
@@ -272,7 +273,7 @@ def test_groups_that_the_closed_form_lacks_are_searched_for(tmp_path, monkeypatc
         base = pv.base_parameters(robot)
         return replace(base, kept=base.kept[1:], regrouping=base.regrouping[1:])
 
-    monkeypatch.setattr(reload, "quick_base_parameters", with_other_groups)
+    monkeypatch.setattr(closed_form, "quick_base_parameters", with_other_groups)
     loaded = saved(tmp_path, identification)
     assert to_json(loaded) == to_json(identification)
 

@@ -39,7 +39,7 @@ JUDGES = {
     "diagnostics.verdict.HeldOutErrors.of": "Held-out errors are not stored: ",
     "diagnostics.consistent_estimate.consistent_estimate": "PC-IDIM-PIV: ",
     "diagnostics.consistent_estimate.consistent_prediction": "PC-IDIM-PIV was not judged on held",
-    "app.cli.workflow.write_consistent": "PC-IDIM-PIV could not be written: ",
+    "diagnostics.stored_consistent.write_consistent": "PC-IDIM-PIV could not be written: ",
     "app.cli.workflow.torque_sums": "IDIM-WLS: what other parameters cost in torque is not stored",
     "app.cli.workflow.designs_beside": "The design is not compared: ",
     "app.cli.workflow.comparison_table": "Tables could not be printed: ",
