@@ -111,7 +111,8 @@ def unchecked_causes(
         relative = 100.0 * float(change[k] / max(abs(found.theta[k]), 1e-300))
         if shift > least:
             made.append(UncheckedCause(cause, size, shown_from, shift, found.names[k], relative))
-    return tuple(sorted(made, key=lambda one: -one.shift))
+    # equal effects, as of pitch and clock on a single slide, stay in the order of the causes
+    return tuple(sorted(made, key=lambda one: -float(f"{one.shift:.6g}")))
 
 
 def checked_gains(tests: ScoreTests, scores: Iterable[Score]) -> tuple[str, ...]:
