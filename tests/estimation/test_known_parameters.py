@@ -151,7 +151,18 @@ def test_bounds_and_equations_together_are_the_quadratic_program(problem):
         options={"gtol": 1e-12, "xtol": 1e-14, "maxiter": 5000, "barrier_tol": 1e-14},
     )
     assert np.sum((r @ (found.theta * size) - y) ** 2) <= 2.0 * made.fun * (1.0 + 1e-9)
-    assert close(found.theta, made.x / size, size, 1e-5)
+    assert close(found.theta, made.x / size, size, 1e-5)  # as near as that algorithm comes
+    # the bounds that hold, as equations: the exact solution, if each of them pushes inwards
+    held = [k for k, side in enumerate(found.bound_sides) if side]
+    assert held
+    ends = [low[k] if found.bound_sides[k] == "low" else high[k] for k in held]
+    rows = np.vstack([row, np.eye(len(names))[held]])
+    optimum = np.block([[r.T @ r, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+    exact = np.linalg.solve(optimum, np.r_[r.T @ y, value, ends])
+    assert close(found.theta, exact[: len(names)] / size, size)
+    for k, push in zip(held, exact[len(names) + 1 :], strict=True):
+        assert push < 0.0 if found.bound_sides[k] == "low" else push > 0.0
+    assert np.all(exact[: len(names)] >= low - 1e-9) and np.all(exact[: len(names)] <= high + 1e-9)
 
 
 def test_a_prior_is_a_further_measurement(problem):
