@@ -24,7 +24,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from latency import EXAMPLES, PANDA, public, run, simulated
+from latency import EXAMPLES, files_of, run
 
 #: Experiments that are examples, by log.
 EXAMPLE = {"emps": "emps", "kr300": "kuka_kr300", "tx40": "staubli_tx40"}
@@ -37,13 +37,7 @@ def prepare(name: str, folder: Path) -> None:
     if name in EXAMPLE:
         shutil.copytree(EXAMPLES / EXAMPLE[name], folder, dirs_exist_ok=True)
         return
-    if name == "planar":
-        files = simulated("planar_2r", 2000, folder)
-    elif name == "seven":
-        files = simulated(str(Path(os.environ["PIVIDENT_DATA"]) / PANDA), 20_000, folder)
-    else:
-        files = public(name, folder)
-    init = files.commands()["init"]
+    init = files_of(name, folder).commands()["init"]
     run(("-m", "pivident", *init[:-1], "experiment.toml"), folder)
 
 

@@ -208,6 +208,15 @@ def public(name: str, folder: Path) -> Files:
     return Files(logs, str(robot), folder / "experiment.toml")
 
 
+def files_of(name: str, folder: Path) -> Files:
+    """Files of a log by its name, simulated or copied beside the work."""
+    if name == "planar":
+        return simulated("planar_2r", 2000, folder)
+    if name == "seven":
+        return simulated(str(Path(os.environ["PIVIDENT_DATA"]) / PANDA), 20_000, folder)
+    return public(name, folder)
+
+
 def main() -> int:
     """Print the table; 1 where a goal is missed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -224,12 +233,7 @@ def main() -> int:
     for name in arguments.logs:
         with tempfile.TemporaryDirectory() as made:
             folder = Path(made)
-            if name == "planar":
-                files = simulated("planar_2r", 2000, folder)
-            elif name == "seven":
-                files = simulated(str(Path(os.environ["PIVIDENT_DATA"]) / PANDA), 20_000, folder)
-            else:
-                files = public(name, folder)
+            files = files_of(name, folder)
             holds &= measure(name, files, arguments.commands, arguments.repeats, folder)
     return 0 if holds else 1
 
