@@ -1,5 +1,6 @@
 """Folders of records and reference values, for tests marked ``record``; how tests are run."""
 
+import copy
 import gc
 import os
 from pathlib import Path
@@ -102,7 +103,7 @@ def _figures_are_checked():
 
     def checked(content, **options):
         if (own := form(content)) not in seen:
-            go.Figure(content)
+            go.Figure(copy.deepcopy(content))  # it takes types out of traces, and puts them last
             seen.add(own)
         return written(content, **options)
 

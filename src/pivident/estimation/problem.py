@@ -261,8 +261,8 @@ class Problem(Printed):
     def _weigh_samples(self) -> None:
         """Weights and equations that are left out, as the recordings have them."""
         joints = self.robot.joint_names
-        alone = self.without_equation
-        alone = (alone,) if isinstance(alone, str) else tuple(alone)
+        given = self.without_equation
+        alone = (given,) if isinstance(given, str) else tuple(given)
         if strangers := [name for name in alone if name not in joints]:
             raise ExperimentError(
                 f"there is no joint {strangers[0]!r}", advice=nearest(strangers[0], joints)

@@ -80,10 +80,10 @@ def keep(path: Path, content: bytes) -> None:
         return
     with suppress(OSError):
         path.parent.mkdir(exist_ok=True)
-        handle, part = tempfile.mkstemp(dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        os.replace(part, path)
+        with tempfile.TemporaryDirectory(dir=path.parent) as part:
+            whole = Path(part) / path.name
+            whole.write_bytes(content)
+            whole.replace(path)
 
 
 def check_output(folder: Path) -> None:

@@ -193,9 +193,12 @@ def slight_terms(diagnostics: Diagnostics) -> Iterator[Finding]:
         text = f"{names}, but without that the error in motion is {after} instead of {before}."
         yield Finding("note", "parameters", "needed", text, evidence=evidence)
         return
-    text = f"{names}; left out on trial, the error in motion is {after} instead of {before}."
-    step = "To leave them out, list the others as parameters = [...] under [identify]."
-    yield Finding("note", "parameters", "left out", text, "", step, evidence)
+    change = f"stays {after}" if before == after else f"is {after} instead of {before}"
+    text = f"{names}; left out on trial, the error in motion {change}."
+    yield Finding(
+        "note", "parameters", "left out", text, "",
+        "To leave them out, list the others as parameters = [...] under [identify].", evidence,
+    )  # fmt: skip
 
 
 def signs(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
