@@ -20,10 +20,9 @@ def made(seed=0, size=0.0):
     for _ in range(2):
         record = []
         for own in columns:
-            y = rng.standard_normal((own.size, ROWS))
-            x = y + 0.01 * rng.standard_normal(y.shape)
-            tau = theta[own] @ y + 0.1 * rng.standard_normal(ROWS)
-            record.append(JointRows(own, x, y, tau))
+            x = rng.standard_normal((own.size, ROWS))
+            tau = theta[own] @ x + 0.1 * rng.standard_normal(ROWS)
+            record.append(JointRows(own, x, tau))
         records.append(record)
     variance = np.array([0.01, 0.02])
     tests = score_tests(records, variance)
@@ -38,24 +37,23 @@ def score_tests(records, variance):
 
 
 def stacked(records, variance, rows=slice(None)):
-    """Y, X and τ of all rows, weighted."""
-    y, x, tau = [], [], []
+    """X and τ of all rows, weighted."""
+    x, tau = [], []
     for record in records:
         for r, lam in zip(record, variance, strict=True):
-            for target, part in ((y, r.y), (x, r.x)):
-                full = np.zeros((part[:, rows].shape[1], 6))
-                full[:, r.columns] = part[:, rows].T / np.sqrt(lam)
-                target.append(full)
+            full = np.zeros((r.tau[rows].size, 6))
+            full[:, r.columns] = r.x[:, rows].T / np.sqrt(lam)
+            x.append(full)
             tau.append(r.tau[rows] / np.sqrt(lam))
-    return np.vstack(y), np.vstack(x), np.concatenate(tau)
+    return np.vstack(x), np.concatenate(tau)
 
 
 @pytest.mark.parametrize("corrected", [[], [0], [0, 1]])
 def test_fit_is_that_of_the_stacked_rows(corrected):
     records, variance, tests = made(size=0.3)
-    y, x, tau = stacked(records, variance)
+    x, tau = stacked(records, variance)
     own = tests.columns(corrected)
-    expected = np.linalg.solve(y[:, own].T @ x[:, own], y[:, own].T @ tau)
+    expected = np.linalg.solve(x[:, own].T @ x[:, own], x[:, own].T @ tau)
     fit = tests.fit(own)
     np.testing.assert_allclose(fit.theta, expected, rtol=1e-9)
     assert fit.residual == pytest.approx(np.sum((tau - x[:, own] @ expected) ** 2), rel=1e-8)
@@ -71,7 +69,7 @@ def test_unseen_blocks_are_predicted_by_the_others():
         for k, record in enumerate(records):
             number = (k * ROWS + np.arange(ROWS)) * BLOCKS // length
             for target, part in ((seen, number != block), (unseen, number == block)):
-                _, x, tau = stacked([record], variance, part)
+                x, tau = stacked([record], variance, part)
                 target[0].append(x[:, own])
                 target[1].append(tau)
         theta = np.linalg.lstsq(np.vstack(seen[0]), np.concatenate(seen[1]), rcond=None)[0]
@@ -82,16 +80,16 @@ def test_unseen_blocks_are_predicted_by_the_others():
 def test_size_has_its_standard_error():
     """Rows of white noise: the jackknife agrees with the formula, and so does the sensitivity."""
     records, variance, tests = made(size=0.3)
-    y, x, _ = stacked(records, variance)
+    x, _ = stacked(records, variance)
     score = tests.all_scores([])[1][0]
     own = tests.columns([0])
-    inverse = np.linalg.inv(y[:, own].T @ x[:, own])
+    inverse = np.linalg.inv(x[:, own].T @ x[:, own])
     residual = 0.5 * (1.0 + 0.1**2 / 0.02)  # of unit variance on the first joint
     assert score.size[0] == pytest.approx(0.3, abs=0.02)
     assert score.std[0] == pytest.approx(np.sqrt(residual * inverse[3, 3]), rel=0.4)
     assert score.significance < 1e-6
     gain = tests.sensitivity(own)
-    expected = np.linalg.solve(y[:, :3].T @ x[:, :3], y[:, :3].T @ x[:, 3:4])
+    expected = np.linalg.solve(x[:, :3].T @ x[:, :3], x[:, :3].T @ x[:, 3:4])
     np.testing.assert_allclose(gain, expected, rtol=1e-8, atol=1e-12)
     np.testing.assert_allclose(score.shift, -gain[:, 0] * score.size[0], rtol=1e-6, atol=1e-9)
 
@@ -110,7 +108,7 @@ def test_columns_that_the_model_has_are_not_distinct():
     for record in records:
         for r in record:
             if 3 in r.columns:  # the first cause is the first parameter once more
-                r.x[2], r.y[2] = r.x[0], r.y[0]
+                r.x[2] = r.x[0]
     tests = score_tests(records, variance)
     _, scores = tests.all_scores([])
     assert set(scores) == {1, 2}
@@ -124,7 +122,7 @@ def test_a_cause_that_is_corrected_already_hides_its_like():
     x[3] = x[2] + 0.5 * x[0] + 0.01 * x[3]
     x[4] = x[3]  # causes a and b are the same torque
     tau = x[0] + 0.3 * x[3] + 0.1 * rng.standard_normal(ROWS)
-    tests = score_tests([[JointRows(np.arange(6), x, x.copy(), tau)]], np.array([0.01]))
+    tests = score_tests([[JointRows(np.arange(6), x, tau)]], np.array([0.01]))
     assert set(tests.all_scores([])[1]) == {0, 1, 2}
     assert set(tests.all_scores([0])[1]) == {2}
     assert tests.columns([0, 1]).tolist() == [0, 1, 2, 3]
@@ -156,8 +154,8 @@ def test_two_causes_meet_only_once_one_of_them_stays():
     records, variance, _ = made(size=0.3)
     first = np.array([2, 3, 6])  # a cause of one column and one of three
     sums = CauseSums(records, variance, first, BLOCKS)
-    y, x, tau = stacked(records, variance)
-    whole, right = y.T @ x, y.T @ tau
+    x, tau = stacked(records, variance)
+    whole, right = x.T @ x, x.T @ tau
     every = np.arange(6)
 
     def entries(rows, columns):

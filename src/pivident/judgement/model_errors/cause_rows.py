@@ -1,8 +1,9 @@
 """Rows on which causes are compared: below the highest frequency of the motion.
 
-Columns and torque pass the same low-pass without phase, weighted by what the estimate holds for
-noise, and are thinned out to what the band needs. Samples that the estimate leaves out are left out
-with those that the low-pass mixes with them.
+The residual of the estimate, on the measured motion, and the columns of model and causes, on the
+motion that makes the instruments, pass the same low-pass without phase, weighted by what the
+estimate holds for noise, and are thinned out to what the band needs. Samples that the estimate
+leaves out are left out with those that the low-pass mixes with them.
 
 Signals of a record behind a low-pass without phase, at the few rows that its band needs.
 
@@ -194,12 +195,13 @@ class CauseRows:
         self, number: int, kin: Kinematics, motion: Motion | None, began: float
     ) -> list[JointRows]:
         """Rows of one record."""
-        rate, regressor = kin.recording.rate, self.regressor
+        rate, regressor, theta = kin.recording.rate, self.regressor, self.found.theta
         grid = Grid.of(kin, self.band)
         rows = self._band_rows(kin, grid)
-        made = None if motion is None else self._columns(motion, rate, grid, number, began)
-        clean = None if getattr(motion, "from_record", True) else made
-        measured = self._columns(kin, rate, grid, number, began, clean)
+        measured = self._at(kin, rate, grid, number, began)
+        made = measured if motion is None else self._at(motion, rate, grid, number, began)
+        residual = thinned(kin.tau, rate, grid.stride) - measured.torque
+        model, causes = self._columns(made, grid)
         valid = getattr(motion, "valid", None)
         allowed = np.ones(rows.at.size, bool) if valid is None else valid[:: grid.stride][rows.at]
         used = self._used(number, kin)[:, :: grid.stride]
@@ -209,37 +211,26 @@ class CauseRows:
         out: list[JointRows | None] = [None] * self.problem.robot.size
 
         def thin(j: int) -> None:
-            alive = [c for c, column in enumerate(measured[1]) if column[j].any()]
+            alive = [c for c, column in enumerate(causes) if column[j].any()]
             smooth = np.array([rates[c] for c in alive], bool)
-            own = slice(regressor.offsets[j], regressor.offsets[j + 1])
+            own = model[regressor.offsets[j] : regressor.offsets[j + 1]]
+            columns = regressor.columns_of(j)
             near, far = (without_neighbours(used[j], reach)[rows.at] for reach in reaches)
             free = allowed & known[j][rows.at]
             gain = rows.gain(self._weight(j, rate, grid.rate))
-
-            def passed(columns: Columns) -> np.ndarray:
-                model = columns[0][own]
-                out = np.empty((len(model) + len(alive), rows.at.size))
-                out[: len(model)] = rows.passed(model, gain)
-                for kind, fraction in ((smooth, grid.fraction), (~smooth, 1)):
-                    chosen = [columns[1][c][j] for c, one in zip(alive, kind, strict=True) if one]
-                    out[len(model) :][kind] = rows.passed(chosen, gain, fraction)
-                return out
-
-            x = passed(measured)
-            y = x if made is None else passed(made)
-            index = np.concatenate(
-                [regressor.columns_of(j), len(self.found.theta) + np.array(alive, int)]
+            x = np.empty((len(own) + len(alive), rows.at.size))
+            x[: len(own)] = rows.passed(own, gain)
+            for kind, fraction in ((smooth, grid.fraction), (~smooth, 1)):
+                chosen = [causes[c][j] for c, one in zip(alive, kind, strict=True) if one]
+                x[len(own) :][kind] = rows.passed(chosen, gain, fraction)
+            left, rest = rows.passed(
+                np.vstack([residual[j], np.where(used[j], 0.0, residual[j])]), gain
             )
-            torque = thinned(kin.tau[j][None], rate, grid.stride)
-            theta = self.found.theta[regressor.columns_of(j)]
-            residual = torque - theta @ measured[0][own]
-            tau, whole, rest = rows.passed(
-                np.vstack([torque, residual, np.where(used[j], 0.0, residual)]), gain
-            )
-            counts = rows_worth_using(whole, rest, free & near, free & far)
-            for values in (x, tau) if y is x else (x, y, tau):
+            tau = left + theta[columns] @ x[: len(own)]
+            counts = rows_worth_using(left, rest, free & near, free & far)
+            for values in (x, tau):
                 values *= counts
-            out[j] = JointRows(index, x, y, tau)
+            out[j] = JointRows(np.r_[columns, len(theta) + np.array(alive, int)], x, tau)
 
         run_in_threads(thin, range(len(out)))
         return [r for r in out if r is not None]
@@ -274,37 +265,28 @@ class CauseRows:
         taps = np.fft.fftshift(np.fft.irfft(gain / gain.max(), 2 * half))
         return np.append(taps, taps[0]) * np.hanning(2 * half + 1)
 
-    def _columns(
-        self,
-        motion: Motion,
-        rate: float,
-        grid: Grid,
-        number: int,
-        began: float,
-        clean: Columns | None = None,
-    ) -> Columns:
-        """Columns of the model and of the causes, on every so many samples.
-
-        ``clean``: those of a simulated motion, from which the rough ones are taken.
-        """
-        theta, regressor = self.found.theta, self.regressor
+    def _at(
+        self, motion: Motion, rate: float, grid: Grid, number: int, began: float
+    ) -> RecordMotion:
+        """A motion on every so many samples."""
         q, dq, ddq = (thinned(x, rate, grid.stride) for x in motion.stretch(slice(None)))
-        own = RecordMotion(regressor, theta, q, dq, ddq, grid.rate, number, began)
+        theta = self.found.theta
+        return RecordMotion(self.regressor, theta, q, dq, ddq, grid.rate, number, began)
+
+    def _columns(self, own: RecordMotion, grid: Grid) -> Columns:
+        """Columns of the model and of the causes on a motion."""
+        regressor, motion = self.regressor, (own.q, own.dq, own.ddq)
+        packed = regressor.packed(*motion, inner=regressor.inner(*motion, own.theta))
         smooth = own.every(grid.fraction)
-        packed = regressor.packed(q, dq, ddq, inner=regressor.inner(q, dq, ddq, theta))
-        made = [np.zeros((0, *q.shape))] * len(self.causes)
+        made = [np.zeros((0, *own.q.shape))] * len(self.causes)
         own.torque, own.load, smooth.torque  # noqa: B018 - once, before several threads ask
 
         def make(k: int) -> None:
             cause = self.causes[k]
-            if cause.is_rough and clean is not None:
-                first, last = self.first[k : k + 2] - len(theta)
-                made[k] = np.array(clean[1][first:last])
-            else:
-                made[k] = cause.columns(smooth if cause.is_smooth else own)
+            made[k] = cause.columns(smooth if cause.is_smooth else own)
 
         run_in_threads(make, range(len(made)))
-        return packed, [column for own in made for column in own]
+        return packed, [column for columns in made for column in columns]
 
     @property
     def regressor(self) -> Regressor:

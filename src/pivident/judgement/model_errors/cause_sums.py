@@ -1,10 +1,8 @@
 """Sums over rows that suffice for every test of causes and every estimate with some corrected.
 
-With X = (Φ, D) the columns of the model and of all causes, Y the same on the motion that makes the
-instruments, and weights 1/λ_j of each joint,
+With X = (Z, D) the columns of the model and of all causes, and weights 1/λ_j of each joint,
 
-    Yᵀ X,  Yᵀ τ   by window of time,
-    Xᵀ X,  Xᵀ τ,  τᵀ τ   by block of the motion
+    Xᵀ X,  Xᵀ τ   by window of time, and by block of the motion
 
 Of the products only those are made that a test asks for: of all columns with those that stay in the
 equations, which are the model's and those of corrected causes, and of the columns of each cause
@@ -29,8 +27,7 @@ class JointRows:
     """Rows of one joint in one record, on the columns that act on it; time last."""
 
     columns: np.ndarray  # indices, shape (k,)
-    x: np.ndarray  # columns of model and causes, shape (k, rows); ``y`` their instruments
-    y: np.ndarray
+    x: np.ndarray  # columns of model and causes, shape (k, rows)
     tau: np.ndarray  # shape (rows,)
 
     def residual(self, theta: np.ndarray) -> np.ndarray:
@@ -51,21 +48,18 @@ SPARE = 16
 
 
 class Products:
-    """Aᵀ X and Aᵀ τ of several parts of the rows, as far as they are asked for.
+    """Xᵀ X and Xᵀ τ of several parts of the rows, as far as they are asked for.
 
     Args:
         parts: number of parts.
         first: first column of each cause, and behind the last one; the model's are before them.
-        is_symmetric: whether A is X.
     """
 
-    def __init__(self, parts: int, first: np.ndarray, is_symmetric: bool) -> None:
+    def __init__(self, parts: int, first: np.ndarray) -> None:
         columns, sizes = int(first[-1]), np.diff(first)
         self.tau = np.zeros((parts, columns))
-        self.is_symmetric = is_symmetric
-        # A of the columns that stay and X of all, A of all and X of these; with room for a few more
+        # of the columns that stay with all; with room for a few more
         self._left = np.zeros((parts, 0, columns))
-        self._right = np.zeros((parts, columns, 0))
         self._own = np.zeros((parts, int(np.sum(sizes**2))))  # of each cause's with one another
         self._place = np.full(columns, -1)  # of a column among those that stay
         # The cause of a column, -1 for the model; its place there; where its products begin
@@ -78,15 +72,15 @@ class Products:
     def total(self) -> Products:
         """Of all parts together, as one part."""
         whole = copy(self)
-        for name in ("tau", "_left", "_right", "_own"):
+        for name in ("tau", "_left", "_own"):
             setattr(whole, name, getattr(self, name).sum(axis=0, keepdims=True))
         return whole
 
     def of(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Some entries of Aᵀ X by indices that are broadcast, shape (parts, …)."""
+        """Some entries of Xᵀ X by indices that are broadcast, shape (parts, …)."""
         down, across = self._place[rows], self._place[columns]
         if across.size and across.min() >= 0:
-            return self._right[:, rows, across]
+            return self._left[:, across, rows]
         if down.size and down.min() >= 0:
             return self._left[:, down, columns]
         rows, columns, down, across = np.broadcast_arrays(rows, columns, down, across)
@@ -95,7 +89,7 @@ class Products:
         own = ~(right | left)
         if not np.array_equal(self._cause[rows[own]], self._cause[columns[own]]):
             raise ValueError("products of two causes neither of which stays were not made")
-        out[:, right] = self._right[:, rows[right], across[right]]
+        out[:, right] = self._left[:, across[right], rows[right]]
         out[:, left] = self._left[:, down[left], columns[left]]
         out[:, own] = self._own[:, self._row[rows[own]] + self._within[columns[own]]]
         return out
@@ -105,14 +99,9 @@ class Products:
         (parts, every), stay = self.tau.shape, int(self._place.max()) + 1
         self._place[columns] = stay + np.arange(columns.size)
         if stay + columns.size > self._left.shape[1]:
-            room, left, right = stay + columns.size + SPARE, self._left, self._right
-            self._left = np.zeros((parts, room, every))
+            left = self._left
+            self._left = np.zeros((parts, stay + columns.size + SPARE, every))
             self._left[:, :stay] = left[:, :stay]
-            if self.is_symmetric:
-                self._right = self._left.transpose(0, 2, 1)
-            else:
-                self._right = np.zeros((parts, every, room))
-                self._right[:, :, :stay] = right[:, :, :stay]
 
     def stays(self, columns: np.ndarray) -> np.ndarray:
         """Which columns' products with all others are there."""
@@ -122,7 +111,6 @@ class Products:
         self,
         part: int,
         columns: np.ndarray,
-        a: np.ndarray,
         x: np.ndarray,
         weight: np.ndarray | float,
         chosen: np.ndarray,
@@ -132,21 +120,15 @@ class Products:
         ``weight``: of the rows, shape (rows,), or of all.
         """
         place = self._place[columns[chosen]]
-        _put(self._left[part], place, columns, (a[chosen] * weight) @ x.T)
-        if not self.is_symmetric:
-            _put(self._right[part], columns, place, a @ (x[chosen] * weight).T)
+        _put(self._left[part], place, columns, (x[chosen] * weight) @ x.T)
 
     def add_own(
-        self,
-        part: int,
-        groups: Sequence[Group],
-        a: np.ndarray,
-        x: np.ndarray,
-        weight: np.ndarray | float,
+        self, part: int, groups: Sequence[Group], x: np.ndarray, weight: np.ndarray | float
     ) -> None:
         """Add products of the columns of each cause with one another."""
         for chosen, place in groups:
-            self._own[part, place] += a[chosen] @ (x[chosen] * weight).transpose(0, 2, 1)
+            own = x[chosen]
+            self._own[part, place] += own @ (own * weight).transpose(0, 2, 1)
 
     def groups(self, columns: np.ndarray) -> list[Group]:
         """The columns of a joint by cause, causes of as many columns together."""
@@ -175,7 +157,7 @@ class CauseSums:
 
     Attributes:
         parameters: number of the model's columns.
-        windows: Yᵀ X and Yᵀ τ of each window of time.
+        windows: Xᵀ X and Xᵀ τ of each window of time.
         blocks: Xᵀ X and Xᵀ τ of each block of the motion.
         squares: τᵀ τ of each block.
         torque_squares: τᵀ τ of each joint.
@@ -193,8 +175,8 @@ class CauseSums:
         self.records, self.variance, self.parameters = records, variance, int(first[0])
         self.lengths = [record[0].tau.size for record in records]
         every = windows_of(self.lengths)
-        self.windows = Products(sum(w.count for w in every), first, is_symmetric=False)
-        self.blocks = Products(blocks, first, is_symmetric=True)
+        self.windows = Products(sum(w.count for w in every), first)
+        self.blocks = Products(blocks, first)
         self.squares = np.zeros(blocks)
         #: Windows of each record, with their samples and weights, and blocks with their samples.
         self._windows = [_spans(w.shares(slice(0, w.samples))) for w in every]
@@ -225,11 +207,9 @@ class CauseSums:
                 if not chosen.size:
                     continue
                 for window, span, weight in self._windows[number]:
-                    x, y = rows.x[:, span], rows.y[:, span]
-                    self.windows.add(window, rows.columns, y, x, weight / lam, chosen)
+                    self.windows.add(window, rows.columns, rows.x[:, span], weight / lam, chosen)
                 for block, span in self._blocks[number]:
-                    x = rows.x[:, span]
-                    self.blocks.add(block, rows.columns, x, x, 1.0 / lam, chosen)
+                    self.blocks.add(block, rows.columns, rows.x[:, span], 1.0 / lam, chosen)
 
     def _add_own(self) -> None:
         """Products of the columns of each cause, and those of all with the torques."""
@@ -237,12 +217,12 @@ class CauseSums:
             for rows, lam in zip(record, self.variance, strict=True):
                 groups = self.windows.groups(rows.columns)
                 for window, span, weight in self._windows[number]:
-                    x, y, tau = rows.x[:, span], rows.y[:, span], rows.tau[span]
-                    self.windows.add_own(window, groups, y, x, weight / lam)
-                    self.windows.tau[window, rows.columns] += y @ (weight / lam * tau)
+                    x, tau = rows.x[:, span], rows.tau[span]
+                    self.windows.add_own(window, groups, x, weight / lam)
+                    self.windows.tau[window, rows.columns] += x @ (weight / lam * tau)
                 for block, span in self._blocks[number]:
                     x, tau = rows.x[:, span], rows.tau[span]
-                    self.blocks.add_own(block, groups, x, x, 1.0 / lam)
+                    self.blocks.add_own(block, groups, x, 1.0 / lam)
                     self.blocks.tau[block, rows.columns] += x @ tau / lam
                     self.squares[block] += tau @ tau / lam
 

@@ -263,7 +263,7 @@ def _further(
         if cause.kind == "delay" and not cause.subject and k not in corrected:
             added.append(k)
     while len(corrected) + len(added) < MOST:
-        _, scores = tests.all_scores([*corrected, *added])
+        _, scores = tests.all_scores([*corrected, *added], 0.0)
         able = {
             k: s
             for k, s in scores.items()

@@ -313,7 +313,7 @@ def _candidates(
 
     The significance of the others is not asked, which takes longer than what they explain.
     """
-    for share in (NEAR, None):
+    for share in (NEAR, 0.0):
         _, scores = tests.all_scores(corrected, share)
         candidates = {
             k: s

@@ -1,15 +1,16 @@
 """Score tests of causes: what the residual has of the torque that each would add.
 
-With the columns D of a cause beside Φ and the instruments (Z, D_z),
+With the residual e = τ - Φθ̂ of an estimate, its instruments Z and the columns D of a cause on the
+motion that makes them,
 
-    (θ, δ) = (Yᵀ X)⁻¹ Yᵀ τ,    Y = (Z, D_z), X = (Φ, D)
+    (θ, δ) = (Xᵀ X)⁻¹ Xᵀ (e + Zθ̂),    X = (Z, D)
 
-δ is the size of the cause and θ the estimate with it corrected. The covariance of both comes from a
-jackknife over windows of time, which allows for any correlation of the residual; Hotelling's T² of
-δ has an F distribution with as many degrees of freedom as the windows leave. Causes are many, so
-the significance is multiplied by their number (Bonferroni). Then the cause with which blocks that
-were not fitted are predicted best is corrected and the others are tested again, until none is left
-that is significant and helps to predict them.
+δ is the size of the cause and θ the estimate with it corrected. Without instruments Z is Φ. The
+covariance of both comes from a jackknife over windows of time, which allows for any correlation of
+the residual; Hotelling's T² of δ has an F distribution with as many degrees of freedom as the
+windows leave. Causes are many, so the significance is multiplied by their number (Bonferroni). Then
+the cause with which blocks that were not fitted are predicted best is corrected and the others are
+tested again, until none is left that is significant and helps to predict them.
 """
 
 from __future__ import annotations
@@ -125,7 +126,7 @@ class ScoreTests:
         self, sums: CauseSums, causes: Sequence[Cause], first: np.ndarray, tried: int
     ) -> None:
         self.sums, self.causes, self.first, self.tried = sums, causes, first, tried
-        self.yx, self.xx = sums.windows.total, sums.blocks.total
+        self.xx = sums.blocks.total
         every = np.arange(first[-1])
         self.scale = np.sqrt(np.maximum(self.xx.of(every, every)[0], 1e-300))
         self.freedom = degrees_of_freedom(sums.lengths)
@@ -145,7 +146,7 @@ class ScoreTests:
         """Columns that all others are to be tested beside."""
         if not self.sums.windows.stays(columns).all():
             self.sums.stay(columns)
-            self.yx, self.xx = self.sums.windows.total, self.sums.blocks.total
+            self.xx = self.sums.blocks.total
 
     def of(self, number: int) -> np.ndarray:
         """Indices of all columns of a cause."""
@@ -175,8 +176,8 @@ class ScoreTests:
         return np.asarray(np.sqrt(taken / np.maximum(torque, 1e-300)))
 
     def _estimate(self, columns: np.ndarray) -> np.ndarray:
-        """(Yᵀ X)⁻¹ Yᵀ τ."""
-        gram, right = self.yx.of(columns[:, None], columns)[0], self.yx.tau[0, columns]
+        """(Xᵀ X)⁻¹ Xᵀ τ."""
+        gram, right = self.xx.of(columns[:, None], columns)[0], self.xx.tau[0, columns]
         return self._solve(gram, right, columns)
 
     def covariance(self, columns: np.ndarray, theta: np.ndarray) -> np.ndarray:
@@ -186,12 +187,12 @@ class ScoreTests:
         return jackknife_of(windows, scores, windows.sum(axis=0)).covariance
 
     def sensitivity(self, columns: np.ndarray) -> np.ndarray:
-        """-∂θ/∂δ = (Zᵀ Φ)⁻¹ Zᵀ D, shape (parameters, columns of the causes)."""
+        """-∂θ/∂δ = (Zᵀ Z)⁻¹ Zᵀ D, shape (parameters, columns of the causes)."""
         n = self.sums.parameters
         own, others = columns[:n], columns[n:]
         scale = self.scale[own]
-        gram = self.yx.of(own[:, None], own)[0] / np.outer(scale, scale)
-        cross = self.yx.of(own[:, None], others)[0] / scale[:, None]
+        gram = self.xx.of(own[:, None], own)[0] / np.outer(scale, scale)
+        cross = self.xx.of(own[:, None], others)[0] / scale[:, None]
         return np.asarray(np.linalg.lstsq(gram, cross, rcond=1e-14)[0] / scale[:, None])
 
     def all_scores(
@@ -218,7 +219,7 @@ class ScoreTests:
             np.concatenate([np.zeros(0, int), *(x.made.own.ravel() for x in asked)])
         )
         if columns.size:
-            normal = Normal(self.yx, self.sums.windows)
+            normal = Normal(self.xx, self.sums.windows)
             windows = Partition.of(normal, beside.stay, self.scale, columns)
             for group in asked:
                 beside.scores.update(self._group_scores(group, beside.base, windows))
@@ -234,7 +235,7 @@ class ScoreTests:
             self._stay(np.flatnonzero(stay))
             own = np.flatnonzero(stay)
             base, blocks = self.fit(own), Normal(self.xx, self.sums.blocks)
-            whole = Partition.of(Normal(self.yx), stay, self.scale)
+            whole = Partition.of(Normal(self.xx), stay, self.scale)
             without = Partition.of(blocks, stay, self.scale)
             groups = (
                 part
