@@ -29,7 +29,7 @@ RCOND = 1e-14
 WELL_CONDITIONED = 1e8
 
 
-def _inverse(grams: np.ndarray) -> np.ndarray:
+def inverse_of(grams: np.ndarray) -> np.ndarray:
     """Inverse of each matrix, or the pseudo-inverse where one is badly conditioned."""
     try:
         inverse = np.linalg.inv(grams)
@@ -87,7 +87,7 @@ class Partition:
         own = np.flatnonzero(stay)
         others = np.flatnonzero(~stay) if others is None else others
         outer = np.outer(scale[own], scale[own])
-        inverse = _inverse(normal.of(own[:, None], own) / outer) / outer
+        inverse = inverse_of(normal.of(own[:, None], own) / outer) / outer
         cross = normal.of(others[:, None], own)
         theta = np.einsum("...ij,...j->...i", inverse, normal.right_of(own))
         return cls(

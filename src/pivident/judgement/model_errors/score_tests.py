@@ -25,7 +25,7 @@ from pivident.estimation.covariance.windows import degrees_of_freedom
 from pivident.foundation.distributions import fisher
 from pivident.judgement.model_errors.cause import Cause
 from pivident.judgement.model_errors.cause_sums import CauseSums
-from pivident.judgement.model_errors.column_tests import ColumnTests, Normal, Partition
+from pivident.judgement.model_errors.column_tests import ColumnTests, Normal, Partition, inverse_of
 
 #: Share of a cause's columns that Φ must leave for it to be told from the parameters.
 DISTINCT = 1e-12
@@ -157,10 +157,8 @@ class ScoreTests:
         theta, squares = self._estimate(columns), self.sums.squares
         xx, xt = self.xx.of(columns[:, None], columns)[0], self.xx.tau[0, columns]
         blocks = self.sums.blocks.of(columns[:, None], columns), self.sums.blocks.tau[:, columns]
-        unseen = sum(
-            _squares(self._solve(xx - x, xt - tau, columns), x, tau, square)
-            for x, tau, square in zip(*blocks, squares, strict=True)
-        )
+        without = self._solve(xx - blocks[0], xt - blocks[1], columns)
+        unseen = sum(map(_squares, without, *blocks, squares))
         return Fit(theta, _squares(theta, xx, xt, float(squares.sum())), unseen)
 
     def torques(self, corrected: Sequence[int], number: int) -> np.ndarray:
@@ -193,7 +191,7 @@ class ScoreTests:
         scale = self.scale[own]
         gram = self.xx.of(own[:, None], own)[0] / np.outer(scale, scale)
         cross = self.xx.of(own[:, None], others)[0] / scale[:, None]
-        return np.asarray(np.linalg.lstsq(gram, cross, rcond=1e-14)[0] / scale[:, None])
+        return np.asarray(inverse_of(gram) @ cross / scale[:, None])
 
     def all_scores(
         self, corrected: Sequence[int], share: float | None = None
@@ -377,9 +375,10 @@ class ScoreTests:
         return self._known_shares[key]
 
     def _solve(self, gram: np.ndarray, right: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """θ of normal equations; leading axes are kept."""
         scale = self.scale[columns]
-        solved = np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=1e-14)[0]
-        return np.asarray(solved / scale)
+        inverse = inverse_of(gram / np.outer(scale, scale))
+        return np.asarray(np.einsum("...ij,...j->...i", inverse, right / scale) / scale)
 
 
 def _squares(theta: np.ndarray, xx: np.ndarray, xt: np.ndarray, tt: float) -> float:

@@ -95,17 +95,22 @@ def unchecked_causes(
     own = tests.columns([])
     of_band = np.sqrt(np.diag(tests.covariance(own, tests.fit(own).theta)))
     std = np.maximum(found.free_std, of_band)
-    made = []
+    hidden = []
     for number, cause in enumerate(tests.causes):
         size = COMMON.get((cause.kind, cause.unit), 0.0)
         if cause.count > 1 or not size or number in named:
             continue
         score = scores.get(number)
         shown_from = np.inf if score is None else needed * float(score.std[0])
-        if shown_from <= size:
-            continue
-        shown_from = shown_from if shown_from < cause.largest else np.inf
-        change = size * np.abs(tests.sensitivity(np.r_[own, tests.of(number)])[:, 0])
+        if shown_from > size:
+            shown_from = shown_from if shown_from < cause.largest else np.inf
+            hidden.append((number, cause, size, shown_from))
+    columns = [int(tests.first[number]) for number, *_ in hidden]
+    made = []
+    for (_, cause, size, shown_from), by_one in zip(
+        hidden, tests.sensitivity(np.r_[own, np.array(columns, int)]).T, strict=True
+    ):
+        change = size * np.abs(by_one)
         k = int(np.argmax(change / std))
         shift = float(change[k] / std[k])
         relative = 100.0 * float(change[k] / max(abs(found.theta[k]), 1e-300))
