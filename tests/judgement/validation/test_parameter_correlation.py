@@ -4,8 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.cluster.hierarchy import leaves_list, linkage
 
-from pivident.judgement.validation.parameter_correlation import parameter_correlation
+from pivident.judgement.validation.parameter_correlation import (
+    _neighbours_first,
+    parameter_correlation,
+)
 from tests.synthetic_identification import synthetic_identification
 
 
@@ -38,6 +42,19 @@ def test_parameters_stand_next_to_those_they_are_confused_with():
     names = synthetic_identification().names
     for i, k in ((0, 7), (2, 11)):
         assert abs(place[names[i]] - place[names[k]]) == 1
+
+
+def test_those_that_are_alike_are_neighbours_as_in_a_tree():
+    """|ρ| of neighbours, summed, is about that of the leaves of a tree in their best order."""
+    rng = np.random.default_rng(3)
+    groups = np.kron(np.eye(8), np.ones((1, 3)))  # 24 parameters, three of each share an error
+    errors = rng.standard_normal((500, 8)) @ groups + rng.standard_normal((500, 24))
+    errors = errors[:, rng.permutation(24)]
+    rho = np.abs(np.corrcoef(errors.T))
+    tree = linkage(rho[np.triu_indices(24, 1)] * -1.0 + 1.0, "average", optimal_ordering=True)
+    leaves, own = leaves_list(tree), _neighbours_first(np.corrcoef(errors.T))
+    assert sorted(own) == list(range(24))
+    assert rho[own[:-1], own[1:]].sum() > 0.97 * rho[leaves[:-1], leaves[1:]].sum()
 
 
 def test_parameters_without_a_deviation_are_left_out():

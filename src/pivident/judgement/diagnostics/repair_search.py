@@ -206,15 +206,31 @@ def _best_factor(
     given = float(rows.scores().mean())
     if all(float(scores(factor).mean()) >= given for factor in tried):
         return None
-    from scipy.optimize import minimize_scalar
-
-    found = minimize_scalar(
-        lambda x: float(scores(np.exp(x)).mean()),
-        bounds=(-np.log(reach), np.log(reach)), method="bounded", options={"xatol": 1e-3},
-    )  # fmt: skip
-    factor = float(np.exp(found.x))
-    at_an_end = abs(found.x) > 0.99 * np.log(reach)  # where no best one is
+    end = float(np.log(reach))
+    best = _lowest(lambda x: float(scores(np.exp(x)).mean()), -end, end, 1e-3)
+    factor = float(np.exp(best))
+    at_an_end = abs(best) > 0.99 * end  # where no best one is
     return None if at_an_end or 1.0 / NO_GAIN < factor < NO_GAIN else factor
+
+
+def _lowest(f: Callable[[float], float], low: float, high: float, accuracy: float) -> float:
+    """Where a function with one minimum is lowest, by golden sections.
+
+    A few calls more than parabolas would take; to load those takes longer than all of these.
+    """
+    share = 0.5 * (np.sqrt(5.0) - 1.0)
+    left, right = high - share * (high - low), low + share * (high - low)
+    f_left, f_right = f(left), f(right)
+    while high - low > accuracy:
+        if f_left < f_right:
+            high, right, f_right = right, left, f_left
+            left = high - share * (high - low)
+            f_left = f(left)
+        else:
+            low, left, f_left = left, right, f_right
+            right = low + share * (high - low)
+            f_right = f(right)
+    return float(left if f_left < f_right else right)
 
 
 def _of_motion(rows: ReadingRows) -> Iterator[Repair]:

@@ -4,8 +4,7 @@
 
 near ±1 says that the motion determines only a sum or a difference of the two; a motion that moves
 them apart makes both certain. For the map, parameters are put next to those that they are
-correlated with: the order of the leaves of a tree that joins the nearest first, by the distance 1 -
-|ρ|.
+correlated with, in chains that are joined end to end, the largest |ρ| first.
 """
 
 from __future__ import annotations
@@ -60,12 +59,19 @@ def parameter_correlation(identification: Identification) -> ParameterCorrelatio
 
 
 def _neighbours_first(matrix: np.ndarray) -> np.ndarray:
-    """Order of the leaves of an average-linkage tree, shape (parameters,)."""
-    from scipy.cluster.hierarchy import leaves_list, linkage
-    from scipy.spatial.distance import squareform
-
-    distance = 1.0 - np.abs(matrix)
-    distance = 0.5 * (distance + distance.T)
-    np.fill_diagonal(distance, 0.0)
-    tree = linkage(squareform(distance, checks=False), "average", optimal_ordering=True)
-    return leaves_list(tree)
+    """Order of the parameters, shape (parameters,): chains joined end to end, the nearest first."""
+    chains = {k: [k] for k in range(len(matrix))}  # of each parameter
+    i, k = np.triu_indices(len(matrix), 1)
+    nearest = np.argsort(-np.abs(matrix[i, k]), kind="stable")
+    for one, other in zip(i[nearest].tolist(), k[nearest].tolist(), strict=True):
+        first, second = chains[one], chains[other]
+        at_ends = one in (first[0], first[-1]) and other in (second[0], second[-1])
+        if first is second or not at_ends:
+            continue
+        if first[-1] != one:
+            first.reverse()
+        if second[0] != other:
+            second.reverse()
+        first += second
+        chains.update(dict.fromkeys(second, first))
+    return np.array(chains[0])
