@@ -98,15 +98,19 @@ class Column:
 
     def written(self) -> list[Any]:
         """The values in a file: what is not known is empty, no text is a formula of a sheet."""
+        form, numbers = self.file_format, np.asarray(self.values)
+        values = _plain(self.values)
+        if form and values and numbers.dtype.kind == "f" and np.isfinite(numbers).all():
+            return ("\n".join([form] * len(values)) % tuple(values)).split("\n")  # all in one go
         return [
             ""
             if value is None or (isinstance(value, float) and not np.isfinite(value))
-            else self.file_format % value
-            if self.file_format
+            else form % value
+            if form
             else sheet_text(value)
             if isinstance(value, str)
             else value
-            for value in _plain(self.values)
+            for value in values
         ]
 
 
