@@ -89,19 +89,21 @@ class _Steps:
         return 0.0 if whole or not alike else 1.4826 * float(np.median(np.abs(m)))
 
 
-def unsteady_steps(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
+def unsteady_steps(
+    q: np.ndarray, t: np.ndarray | None = None, even: _Steps | None = None
+) -> np.ndarray:
     """Places at which all moving joints step too far, or not at all, at the same time.
 
     Steps that the stamps t explain, d_k as long as the interval, are none. Nor is one at which the
     arm comes to rest and moves on: without a sample that was repeated the speed is far smoother,
     without one that was not it is not. Returns (places, 2): the sample, and the samples lost behind
-    it, -1 where it is repeated.
+    it, -1 where it is repeated. ``even``: its `even_steps`, where they are at hand.
     """
     if len(q) < 50:
         return np.empty((0, 2))
     step, equal = np.diff(q, axis=0), np.ones(len(q) - 1)
     length = equal if t is None or len(t) != len(q) else _lengths(t)
-    steps = _fitted(step, equal)
+    steps = even or even_steps(q)
     if np.abs(length - 1.0).max() > JITTER_TOLERANCE:  # stamps that tremble explain its steps
         stamped = {tuple(place) for place in _unsteady(_fitted(step, length), 0.0)}
         found = [place for place in _unsteady(steps, 0.0) if tuple(place) in stamped]
@@ -113,21 +115,26 @@ def unsteady_steps(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
     return _unsteady(steps, least)
 
 
-def hidden_jitter(q: np.ndarray) -> float:
+def even_steps(q: np.ndarray) -> _Steps:
+    """What is estimated at each step of positions, shape (samples, joints), at equal intervals."""
+    return _fitted(np.diff(q, axis=0), np.ones(len(q) - 1))
+
+
+def hidden_jitter(q: np.ndarray, even: _Steps | None = None) -> float:
     """Standard deviation of the instants about equal intervals, in sampling periods.
 
     Zero where it is below `JITTER_TOLERANCE`, or where no two joints show the same.
     """
     if len(q) < 50:
         return 0.0
-    steps = _fitted(np.diff(q, axis=0), np.ones(len(q) - 1))
-    tremble = steps.trembling(common=True) / OF_INSTANTS
+    tremble = (even or even_steps(q)).trembling(common=True) / OF_INSTANTS
     return tremble if tremble > JITTER_TOLERANCE else 0.0
 
 
 def _lengths(t: np.ndarray) -> np.ndarray:
     """Lengths of the intervals in periods, one where the stamps tell nothing."""
-    length = np.diff(t) / np.nanmedian(np.diff(t))
+    length, usual = np.diff(t), float(np.nanmedian(np.diff(t)))
+    length = length / usual if usual > 0.0 else np.ones(len(length))
     return np.where(np.isfinite(length) & (length > SHORTEST), length, 1.0)
 
 
@@ -196,8 +203,9 @@ def check_steps(log: Log, rate: float, stamped: bool) -> list[Finding]:
         stamped: whether it has a regular clock.
     """
     q, clock = log.channels["q"], log.clock
-    findings = _places(log, unsteady_steps(q, clock), stamped)
-    tremble = hidden_jitter(q) if stamped or clock is None else 0.0
+    even = even_steps(q) if len(q) > 4 else None
+    findings = _places(log, unsteady_steps(q, clock, even), stamped)
+    tremble = hidden_jitter(q, even) if stamped or clock is None else 0.0
     if tremble:
         late = Quantity(1e3 * tremble / rate, "ms", bound=1e3 * JITTER_TOLERANCE / rate, digits=2)
         text = (

@@ -288,7 +288,7 @@ class ScoreTests:
             columns = self.first[numbers][:, None] + np.arange(count)
             clear = self._smallest(stay, columns) > DISTINCT  # then that of each part is larger
             for number, own, is_whole in zip(numbers, columns, clear, strict=True):
-                kept = own if is_whole else self._distinct(stay, own)
+                kept = own if is_whole else self._distinct(stay, own) if count > 1 else own[:0]
                 alike.setdefault(kept.size, []).append((int(number), kept))
         alike.pop(0, None)
         for size, pairs in alike.items():
