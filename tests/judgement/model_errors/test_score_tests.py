@@ -207,3 +207,40 @@ def test_scores_are_those_of_whole_fits(corrected):
         np.testing.assert_allclose(score.covariance, covariance[-1:, -1:], rtol=1e-7)
         assert score.explained == pytest.approx(1.0 - fit.residual / base.residual, abs=1e-9)
         assert score.unseen == pytest.approx(1.0 - fit.unseen / base.unseen, abs=1e-9)
+
+
+def test_sizes_are_those_by_instruments():
+    """Of a column that the motion of the instruments follows by four fifths."""
+    rng = np.random.default_rng(4)
+    measured = rng.standard_normal((6, ROWS))
+    x = measured.copy()
+    x[3] = 1.25 * measured[3] + 0.1 * rng.standard_normal(ROWS)
+    tau = np.array([1.0, -2.0, 0.5, 0.3, 0.0, 0.0]) @ measured + 0.05 * rng.standard_normal(ROWS)
+    variance, columns = np.array([0.0025]), np.arange(6)
+    causes = [Cause(kind, "", kind, "", lambda m: m.q, least=-np.inf) for kind in "abc"]
+    first = np.array([3, 4, 5, 6])
+
+    def again(chosen):
+        own = [0, 1, 2, *(3 + "abc".index(cause.kind) for cause in chosen)]
+        return [[JointRows(np.arange(len(own)), measured[own], tau)]]
+
+    sums = CauseSums([[JointRows(columns, x, tau)]], variance, first, BLOCKS)
+    tests = ScoreTests(sums, causes, first, 3, again)
+    (size, covariance), (other, _) = tests.sizes([0, 2])
+    assert size[0] == pytest.approx(0.3, abs=0.01)
+    assert tests.all_scores([])[1][0].size[0] == pytest.approx(0.24, abs=0.01)
+    assert other[0] == pytest.approx(0.0, abs=0.01)
+    own, noise = [0, 1, 2, 3], 0.05**2
+    inverse = np.linalg.inv(x[own] @ measured[own].T)
+    of_noise = noise * inverse @ (x[own] @ x[own].T) @ inverse.T
+    assert covariance[0, 0] == pytest.approx(of_noise[3, 3], rel=0.5)
+    theta, _ = tests.estimate([0])
+    np.testing.assert_allclose(theta, inverse @ x[own] @ tau, rtol=1e-9)
+
+
+def test_without_instruments_sizes_are_those_of_the_tests():
+    _, _, tests = made(size=0.3)
+    ((size, covariance),) = tests.sizes([0])
+    score = tests.all_scores([])[1][0]
+    np.testing.assert_allclose(size, score.size, rtol=1e-8)
+    np.testing.assert_allclose(covariance, score.covariance, rtol=1e-7)

@@ -226,6 +226,8 @@ class Cause(Displayed):
             in other units; else that of several columns is their length.
         is_smooth: whether its columns are as smooth as the motion, without friction: then fewer
             samples do.
+        is_rough: whether its columns have derivatives of the load, which are mostly noise on a
+            measured motion: those of the motion of the instruments then stand for them.
         least: share of the residual, fitted and on blocks that were not, from which on it is named.
         least_torque: share of a joint's torque from which on it is named.
         by_effect: whether one below is named, too, if it moves the estimate out of its intervals.
@@ -245,6 +247,7 @@ class Cause(Displayed):
     is_positive: bool = False
     by_first: bool = False
     is_smooth: bool = False
+    is_rough: bool = False
     least: float = 0.0
     least_torque: float = 0.0
     by_effect: bool = False

@@ -171,6 +171,7 @@ class CauseRows:
     """Rows of all joints and records for some causes.
 
     ``motions``: the motion that makes the instruments of each record; None: the measured one.
+    ``measured``: whether columns are those of the measured motion all the same, but for rough ones.
     """
 
     def __init__(
@@ -180,8 +181,10 @@ class CauseRows:
         causes: Sequence[Cause],
         kinematics: Sequence[Kinematics],
         motions: Sequence[Motion | None],
+        measured: bool = False,
     ) -> None:
         self.problem, self.found, self.causes = problem, found, causes
+        self.measured = measured
         self.band = min(motion_band(r) for r in problem.recordings)
         counts = [cause.count for cause in causes]
         self.first = len(found.theta) + np.concatenate([[0], np.cumsum(counts)]).astype(int)
@@ -201,7 +204,7 @@ class CauseRows:
         measured = self._at(kin, rate, grid, number, began)
         made = measured if motion is None else self._at(motion, rate, grid, number, began)
         residual = thinned(kin.tau, rate, grid.stride) - measured.torque
-        model, causes = self._columns(made, grid)
+        model, causes = self._columns(measured if self.measured else made, made, grid)
         valid = getattr(motion, "valid", None)
         allowed = np.ones(rows.at.size, bool) if valid is None else valid[:: grid.stride][rows.at]
         used = self._used(number, kin)[:, :: grid.stride]
@@ -273,17 +276,20 @@ class CauseRows:
         theta = self.found.theta
         return RecordMotion(self.regressor, theta, q, dq, ddq, grid.rate, number, began)
 
-    def _columns(self, own: RecordMotion, grid: Grid) -> Columns:
-        """Columns of the model and of the causes on a motion."""
+    def _columns(self, own: RecordMotion, clean: RecordMotion, grid: Grid) -> Columns:
+        """Columns of the model and of the causes on a motion; of rough causes on a clean one."""
         regressor, motion = self.regressor, (own.q, own.dq, own.ddq)
         packed = regressor.packed(*motion, inner=regressor.inner(*motion, own.theta))
         smooth = own.every(grid.fraction)
         made = [np.zeros((0, *own.q.shape))] * len(self.causes)
-        own.torque, own.load, smooth.torque  # noqa: B018 - once, before several threads ask
+        for asked in {own, clean}:
+            asked.torque, asked.load  # noqa: B018 - once, before several threads ask
+        smooth.torque  # noqa: B018
 
         def make(k: int) -> None:
             cause = self.causes[k]
-            made[k] = cause.columns(smooth if cause.is_smooth else own)
+            whole = clean if cause.is_rough else own
+            made[k] = cause.columns(smooth if cause.is_smooth else whole)
 
         run_in_threads(make, range(len(made)))
         return packed, [column for columns in made for column in columns]

@@ -18,6 +18,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from pivident.estimation.covariance.sandwich import jackknife_of
 from pivident.estimation.covariance.windows import Share, windows_of
 from pivident.foundation.compiled import kernel
 
@@ -162,6 +163,7 @@ class CauseSums:
         squares: τᵀ τ of each block.
         torque_squares: τᵀ τ of each joint.
         lengths: rows of each record.
+        spans: windows of each record, with their samples and weights.
     """
 
     def __init__(
@@ -178,8 +180,7 @@ class CauseSums:
         self.windows = Products(sum(w.count for w in every), first)
         self.blocks = Products(blocks, first)
         self.squares = np.zeros(blocks)
-        #: Windows of each record, with their samples and weights, and blocks with their samples.
-        self._windows = [_spans(w.shares(slice(0, w.samples))) for w in every]
+        self.spans = [_spans(w.shares(slice(0, w.samples))) for w in every]
         ends = -(-np.arange(blocks + 1) * sum(self.lengths) // blocks)
         begin = np.r_[0, np.cumsum(self.lengths)]
         self._blocks = [
@@ -206,7 +207,7 @@ class CauseSums:
                 chosen = np.flatnonzero(np.isin(rows.columns, columns))
                 if not chosen.size:
                     continue
-                for window, span, weight in self._windows[number]:
+                for window, span, weight in self.spans[number]:
                     self.windows.add(window, rows.columns, rows.x[:, span], weight / lam, chosen)
                 for block, span in self._blocks[number]:
                     self.blocks.add(block, rows.columns, rows.x[:, span], 1.0 / lam, chosen)
@@ -216,7 +217,7 @@ class CauseSums:
         for number, record in enumerate(self.records):
             for rows, lam in zip(record, self.variance, strict=True):
                 groups = self.windows.groups(rows.columns)
-                for window, span, weight in self._windows[number]:
+                for window, span, weight in self.spans[number]:
                     x, tau = rows.x[:, span], rows.tau[span]
                     self.windows.add_own(window, groups, x, weight / lam)
                     self.windows.tau[window, rows.columns] += x @ (weight / lam * tau)
@@ -234,6 +235,50 @@ class CauseSums:
             for joint, (rows, lam) in enumerate(zip(record, self.variance, strict=True)):
                 squares[joint] += np.sum(rows.residual(whole) ** 2) / lam
         return squares
+
+
+class InstrumentalSums:
+    """Xᵀ X_m and Xᵀ τ by window of time, with X_m the columns on the measured motion.
+
+    The size in a score test is too small by the share of its column that the motion of the
+    instruments misses; (Xᵀ X_m)⁻¹ Xᵀ τ is not. Made for few columns.
+
+    Args:
+        sums: of all causes, on the motion of the instruments.
+        measured: rows of some causes on the measured motion.
+        columns: indices of their columns among those of all, the model's first.
+    """
+
+    def __init__(
+        self, sums: CauseSums, measured: Sequence[Sequence[JointRows]], columns: np.ndarray
+    ) -> None:
+        self.columns, n, parts = columns, columns.size, len(sums.windows.tau)
+        self.gram, self.right = np.zeros((parts, n, n)), np.zeros((parts, n))
+        place = np.full(sums.windows.tau.shape[1], -1)
+        place[columns] = np.arange(n)
+        for windows, record, regressors in zip(sums.spans, sums.records, measured, strict=True):
+            for own, other, lam in zip(record, regressors, sums.variance, strict=True):
+                chosen = np.flatnonzero(place[own.columns] >= 0)
+                rows = place[own.columns[chosen]]
+                for window, span, weight in windows:
+                    instruments = own.x[chosen, span] * (weight / lam)
+                    products = instruments @ other.x[:, span].T
+                    self.gram[window, rows[:, None], other.columns] += products
+                    self.right[window, rows] += instruments @ other.tau[span]
+
+    def estimate(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """θ and δ of some of the columns, and their covariance by the jackknife over windows.
+
+        Raises:
+            LinAlgError: all that is known of one lies within one window.
+        """
+        own = np.flatnonzero(np.isin(self.columns, columns))
+        grams, right = self.gram[:, own[:, None], own], self.right[:, own]
+        whole = grams.sum(axis=0)
+        scale = np.sqrt(np.maximum(np.abs(np.diag(whole)), 1e-300))
+        solved = np.linalg.solve(whole / np.outer(scale, scale), right.sum(axis=0) / scale)
+        theta = solved / scale
+        return theta, jackknife_of(grams, right - grams @ theta, whole).covariance
 
 
 def _spans(shares: Iterable[Share]) -> list[tuple[int, slice, np.ndarray]]:

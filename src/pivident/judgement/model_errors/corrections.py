@@ -231,12 +231,11 @@ def _all_columns(tests: ScoreTests, numbers: Sequence[int]) -> np.ndarray:
 def _step(tests: ScoreTests, numbers: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """δ of some causes, its covariance, and which columns are shown; the hidden ones stay zero."""
     columns, every = tests.columns(numbers), _all_columns(tests, numbers)
-    fit, own = tests.fit(columns), slice(tests.sums.parameters, None)
-    shown = np.isin(every, columns)
+    own, shown = slice(tests.sums.parameters, None), np.isin(every, columns)
     step, covariance = np.zeros(every.size), np.zeros((every.size, every.size))
-    step[shown] = fit.theta[own]
     try:
-        covariance[np.ix_(shown, shown)] = tests.covariance(columns, fit.theta)[own, own]
+        found, of_found = tests.estimate(numbers)
+        step[shown], covariance[np.ix_(shown, shown)] = found[own], of_found[own, own]
     except np.linalg.LinAlgError:
         raise IdentificationError(
             f"{', '.join(str(tests.causes[k]) for k in numbers)}: all that tells some of these "

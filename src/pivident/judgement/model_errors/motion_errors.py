@@ -316,7 +316,7 @@ def _behind_motor(
         return scale * motion.along(j, change, STEP / largest, load=True)[None]
 
     largest = LARGEST.get(unit, np.inf)
-    return Cause(kind, name, what, unit, columns, largest=largest, is_positive=True)
+    return Cause(kind, name, what, unit, columns, largest=largest, is_positive=True, is_rough=True)
 
 
 def _spring(name: str, j: int, turns: bool) -> Cause:

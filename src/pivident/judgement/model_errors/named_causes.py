@@ -11,7 +11,8 @@ Parameters that are not estimated: left out by choice, or carried in one recordi
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from pivident.foundation.text.numbers import plus_minus
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.judgement.model_errors.cause import Cause, Reach, RecordMotion
 from pivident.judgement.model_errors.cause_rows import CauseRows, instrument_motions, smoothed
+from pivident.judgement.model_errors.cause_sums import JointRows
 from pivident.judgement.model_errors.coupling_errors import COUPLED, coupling_causes
 from pivident.judgement.model_errors.motion_errors import geometry_causes, motion_causes
 from pivident.judgement.model_errors.score_tests import LEVEL, MOST_CAUSES, Score, ScoreTests
@@ -54,6 +56,8 @@ ALIKE = 0.9
 #: The same for a simpler one to be named instead: where the best has many columns, those of joints
 #: that are tied otherwise, and where it has one of many instants.
 SIMPLER, STEADY = 0.7, 0.99
+#: Share of the most from which on causes help alike: the first in their order is then named.
+SAME = 0.999
 #: Share of the most that a cause explains from which on its significance is asked first.
 NEAR = 0.5
 
@@ -240,7 +244,13 @@ def score_tests(
     rows = CauseRows(problem, found, causes, kinematics, motions)
     theta = np.zeros(int(rows.first[-1]))
     theta[: found.theta.size] = found.theta
-    return ScoreTests(rows.sums(rows.variances(theta)), causes, rows.first, tried)
+
+    def measured(chosen: Sequence[Cause]) -> list[list[JointRows]]:
+        return CauseRows(problem, found, chosen, kinematics, motions, measured=True).joints
+
+    sums = rows.sums(rows.variances(theta))
+    own = measured if any(motion is not None for motion in motions) else None
+    return ScoreTests(sums, causes, rows.first, tried, own)
 
 
 def named_causes(problem: Problem, found: Identification) -> ModelErrors:
@@ -295,6 +305,11 @@ def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
         torques = tests.torques(corrected, best)
         named.append(_named(found, candidates[best], candidates, torques))
         corrected.append(best)
+    with suppress(np.linalg.LinAlgError):  # all that is known of one lies within one window
+        named = [
+            replace(one, score=replace(one.score, size=size, covariance=covariance))
+            for one, (size, covariance) in zip(named, tests.sizes(corrected), strict=True)
+        ]
     base, scores = tests.all_scores(corrected)
     return ModelErrors(
         tuple(named),
@@ -331,11 +346,17 @@ def _best(candidates: Mapping[int, Score]) -> int:
 
     Joints are tied otherwise, or something jumped, only where nothing simpler explains it.
     """
-    order = sorted(candidates, key=lambda k: -candidates[k].unseen)
-    simple = next((k for k in order if _is_simple(candidates[k].cause)), order[0])
-    first = candidates[order[0]]
-    share = SIMPLER if first.cause.kind == COUPLED else STEADY
-    return simple if candidates[simple].unseen > share * first.unseen else order[0]
+    best = _first_of_best(candidates)
+    simple = {k: s for k, s in candidates.items() if _is_simple(s.cause)}
+    simplest = _first_of_best(simple) if simple else best
+    share = SIMPLER if candidates[best].cause.kind == COUPLED else STEADY
+    return simplest if candidates[simplest].unseen > share * candidates[best].unseen else best
+
+
+def _first_of_best(candidates: Mapping[int, Score]) -> int:
+    """The first of those that help most, whatever the last digits."""
+    most = max(score.unseen for score in candidates.values())
+    return min(k for k, score in candidates.items() if score.unseen >= SAME * most)
 
 
 def _is_simple(cause: Cause) -> bool:

@@ -15,7 +15,7 @@ tested again, until none is left that is significant and helps to predict them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,7 +24,7 @@ from pivident.estimation.covariance.sandwich import jackknife_of
 from pivident.estimation.covariance.windows import degrees_of_freedom
 from pivident.foundation.distributions import fisher
 from pivident.judgement.model_errors.cause import Cause
-from pivident.judgement.model_errors.cause_sums import CauseSums
+from pivident.judgement.model_errors.cause_sums import CauseSums, InstrumentalSums, JointRows
 from pivident.judgement.model_errors.column_tests import ColumnTests, Normal, Partition, inverse_of
 
 #: Share of a cause's columns that Φ must leave for it to be told from the parameters.
@@ -119,13 +119,20 @@ class Beside:
 class ScoreTests:
     """Score tests of many causes on one set of sums.
 
-    ``first``: each cause's first column; ``tried``: causes among which one is to be significant.
+    ``first``: each cause's first column; ``tried``: causes among which one is to be significant;
+    ``measured``: makes rows of some causes on the measured motion, None where that makes all.
     """
 
     def __init__(
-        self, sums: CauseSums, causes: Sequence[Cause], first: np.ndarray, tried: int
+        self,
+        sums: CauseSums,
+        causes: Sequence[Cause],
+        first: np.ndarray,
+        tried: int,
+        measured: Callable[[Sequence[Cause]], list[list[JointRows]]] | None = None,
     ) -> None:
         self.sums, self.causes, self.first, self.tried = sums, causes, first, tried
+        self.measured = measured
         self.xx = sums.blocks.total
         every = np.arange(first[-1])
         self.scale = np.sqrt(np.maximum(self.xx.of(every, every)[0], 1e-300))
@@ -183,6 +190,37 @@ class ScoreTests:
         windows = self.sums.windows.of(columns[:, None], columns)
         scores = self.sums.windows.tau[:, columns] - windows @ theta
         return jackknife_of(windows, scores, windows.sum(axis=0)).covariance
+
+    def sizes(self, numbers: Sequence[int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """δ of each of some causes and its covariance, beside those before it.
+
+        By the instruments, where there are such: (Xᵀ X_m)⁻¹ Xᵀ τ with X_m on the measured motion.
+        """
+        estimate = self._estimates(numbers)
+        for k, number in enumerate(numbers):
+            columns = self.columns(numbers[: k + 1])
+            own = np.flatnonzero(np.isin(columns, self.of(number)))
+            theta, covariance = estimate(columns)
+            found = theta[own], covariance[np.ix_(own, own)]
+            yield self._on_all_columns(number, columns[own], *found)
+
+    def _estimates(
+        self, numbers: Sequence[int]
+    ) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        """What gives θ and δ of columns of the model and of some causes, and their covariance."""
+        if self.measured is None or not numbers:
+            return self._by_themselves
+        every = np.r_[np.arange(self.sums.parameters), *map(self.of, numbers)]
+        rows = self.measured([self.causes[k] for k in numbers])
+        return InstrumentalSums(self.sums, rows, every).estimate
+
+    def _by_themselves(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        theta = self.fit(columns).theta
+        return theta, self.covariance(columns, theta)
+
+    def estimate(self, numbers: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """θ and δ of all columns of some causes that are shown, and their covariance; likewise."""
+        return self._estimates(numbers)(self.columns(numbers))
 
     def sensitivity(self, columns: np.ndarray) -> np.ndarray:
         """-∂θ/∂δ = (Zᵀ Z)⁻¹ Zᵀ D, shape (parameters, columns of the causes)."""
