@@ -57,7 +57,10 @@ def simulation_text(identification: Identification) -> str:
 def simulation_heading(simulation: SimulationResult) -> str:
     """What was simulated and what was compared, without a full stop."""
     if simulation.loop == "open":
-        return "Simulation in open loop, driven by the recorded torques; compared: positions"
+        lasts = f" over {simulation.horizon:.3g} s" if simulation.horizon else ""
+        return (
+            f"Simulation in open loop, driven by the recorded torques{lasts}; compared: positions"
+        )
     compared = COMPARED_WORDS[simulation.compares]
     return f"Simulation in closed loop, from the reference; compared: {compared}"
 
