@@ -162,7 +162,7 @@ class OutputError(IteratedMethod):
     covariance: CovarianceKind = option(  # type: ignore[misc]
         "auto",
         'standard errors by the `"formula"` for white errors, from `"stationary"` noise, from the '
-        '`"sandwich"` over windows, or stationary where the windows agree with it (`"auto"`), and from '
+        '`"sandwich"` over windows, or stationary where the windows agree with it (`"auto"`), from '
         "kinds of moves where an open loop runs over several",
     )
     tolerance: float = option(
