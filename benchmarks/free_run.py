@@ -22,7 +22,7 @@ from time import process_time
 
 import numpy as np
 from benchmarks.emps_laws import TWO_SLOPES, Candidate
-from benchmarks.open_loop_fit import Stretch
+from benchmarks.open_loop_model import Stretch
 
 from pivident.data.recording.recording import Recording
 from pivident.dynamics.forward import make_model

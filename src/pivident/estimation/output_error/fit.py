@@ -47,8 +47,8 @@ from pivident.foundation.progress import IterationLine
 #: Passes that make noise models; later ones keep them, so that the estimate can settle.
 MODEL_PASSES = 2
 
-#: Damping after a first refused step, and the factor of each further one.
-DAMPING, HARDER = 1e-4, 10.0
+#: Damping after a first refused step, where errors have kinks, and the factor of each further one.
+DAMPING, DAMPING_AT_KINKS, HARDER = 1e-4, 1e-2, 10.0
 
 #: Factor by which the damping falls after a step that was taken, and where it ends.
 EASIER, UNDAMPED = 10.0, 1e-9
@@ -289,7 +289,7 @@ class _Search:
                     damping = _after(damping, gained, equations.gain(step))
                     return step, refused, damping, None if still else reached
                 failure = None
-            damping = HARDER * damping or DAMPING
+            damping = HARDER * damping or (DAMPING_AT_KINKS if self.has_kinks else DAMPING)
         if failure is not None:
             raise failure
         if solved.gain <= WITHIN_NOISE or self.has_kinks:
