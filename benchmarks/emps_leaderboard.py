@@ -17,8 +17,8 @@ The rule, of which no part reads the test record:
    square of both runs.
 3. Laws. Those of `emps_laws.laws`, then the chosen one with one further term (`extensions`). A law
    is refused if a parameter of the whole training record is at the bound of its sign, if a
-   constant is at the end of its range or not determined, or if half the step changes the simulated training
-   record by more than 1 % of its error.
+   constant is at the end of its range or not determined, or if half the step changes the
+   simulated training record by more than 1 % of its error.
 4. Choice. The fewest unknowns within one standard error of the smallest held-out error, the
    standard error being that of the sum of differences over the two halves; of equals the smaller
    error.
@@ -39,10 +39,17 @@ from benchmarks.emps_laws import Candidate, extensions, laws
 from benchmarks.open_loop_model import GIVEN, OpenLoopModel, Stretch, rms
 from scipy.optimize import minimize_scalar
 
-from pivident.data.recording.public_records import load_emps, load_emps_pulses
+from pivident.data.recording.public_records import EMPS, load_emps, load_emps_pulses
 from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
+from pivident.estimation.identify import identify
+from pivident.estimation.problem import Problem
 from pivident.foundation.errors import PividentError
+from pivident.loop.simulation.control_loop import Loop
+from pivident.loop.simulation.controllers import Cascade
+
+#: The law of its controller.
+CONTROLLER = Cascade([160.18], [243.45], averaged=True)
 
 #: Samples of a period of the reference.
 PERIOD = 6240
@@ -158,6 +165,13 @@ def choose(
     return chosen, trials
 
 
+def equation_error(candidate: Candidate, record: Recording, method: str) -> Identification:
+    """LS, IV or PIV of a law, with the controller's instruments: no simulation error."""
+    robot = candidate.model().robot
+    loop = Loop(CONTROLLER, drive_gain=float(EMPS["units"]["tau"]["gain"]), limit=10.0)
+    return identify(Problem(robot, (record,), loop), method)
+
+
 def expected_error(candidate: Candidate, found: Identification, record: Recording) -> float:
     """Error of the simulated position that the uncertainty of the estimate explains [mm].
 
@@ -257,6 +271,10 @@ def main(score: bool) -> None:
             print(f"      (with the offset that fits the test, {change:+.3f} N: {after:.2f} mm)")
     moves = chosen.candidate.model_of(chosen.candidate.fitted(train, "moves"))
     print(f"{'  the chosen law over moves':49} {_scores(moves, records)}")
+    for candidate in (laws()[0], chosen.candidate):
+        for method in ("ls", "iv", "piv"):
+            model = candidate.model_of(equation_error(candidate, train, method))
+            print(f"{f'  {method} of {candidate.title}':49} {_scores(model, records)}")
 
 
 def _scores(model: OpenLoopModel, records: Sequence[Recording]) -> str:
