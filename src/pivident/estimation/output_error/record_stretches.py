@@ -289,8 +289,8 @@ def longest_run(stretches: Sequence[Stretch]) -> float:
 def kinds_of_moves(stretches: Sequence[Stretch]) -> list[list[tuple[int, int]]]:
     """Moves that repeat one another, each as its stretch and its place there.
 
-    Of one kind are those whose joints reach about the same speeds in the same directions. Kinds
-    that are too many join their neighbours.
+    Of one kind are those whose joints reach about the same speeds in the same directions; once
+    there are ``MAX_KINDS``, a move joins the nearest one.
     """
     peaks: list[np.ndarray] = []
     kinds: list[list[tuple[int, int]]] = []
@@ -300,15 +300,13 @@ def kinds_of_moves(stretches: Sequence[Stretch]) -> list[list[tuple[int, int]]]:
         for place, ends in enumerate(pairwise(stretch.moves)):
             speed = stretch.state[1, slice(*ends)] / largest
             peak = speed[np.abs(speed).argmax(axis=0), np.arange(speed.shape[1])]
-            same = [k for k, other in enumerate(peaks) if np.abs(peak - other).max() < SAME_MOVE]
-            if not same:
+            apart = [float(np.abs(peak - other).max()) for other in peaks]
+            if len(peaks) < MAX_KINDS and min(apart, default=np.inf) >= SAME_MOVE:
                 peaks.append(peak)
-                kinds.append([])
-            kinds[same[0] if same else -1].append((s, place))
-    joined: list[list[tuple[int, int]]] = [[] for _ in range(min(len(kinds), MAX_KINDS))]
-    for k, own in enumerate(kinds):
-        joined[k * len(joined) // len(kinds)] += own
-    return joined
+                kinds.append([(s, place)])
+            else:
+                kinds[int(np.argmin(apart))].append((s, place))
+    return kinds
 
 
 def without_moves(
@@ -317,12 +315,9 @@ def without_moves(
     """What is left of stretches, each piece from its own measured state."""
     pieces = []
     for s, own in enumerate(stretches):
-        edges, start = own.moves, 0
-        gaps = [place for stretch, place in left_out if stretch == s]
-        for place in [*gaps, len(edges) - 1]:
-            if edges[place] > start:
-                pieces.append(own.part(start, edges[place]))
-            start = edges[min(place + 1, len(edges) - 1)]
+        starts = [0, *(own.moves[place + 1] for stretch, place in left_out if stretch == s)]
+        stops = [*(own.moves[place] for stretch, place in left_out if stretch == s), own.samples]
+        pieces += [own.part(*ends) for ends in zip(starts, stops, strict=True) if ends[0] < ends[1]]
     return pieces
 
 
