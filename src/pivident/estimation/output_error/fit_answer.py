@@ -53,8 +53,9 @@ from pivident.estimation.output_error.weighted_step import (
 )
 from pivident.foundation.threads import run_in_threads
 
-#: Fewest kinds of moves that a covariance is made of.
-LEAST_KINDS = 4
+#: Fewest kinds of moves that a covariance is made of, and share of another variance that is
+#: rounding.
+LEAST_KINDS, ROUNDED = 4, 1e-12
 
 #: Fewest lags of the covariances, for short records: means of four rows overlap.
 LEAST_LAGS = 12
@@ -169,7 +170,7 @@ def covariance_over_moves(
 ) -> np.ndarray:
     """P of the jackknife over kinds of moves, shape (unknowns, unknowns).
 
-    ``other``: what holds for unknowns at a bound, and where there are too few kinds.
+    ``other``: what holds for unknowns that no step moves, and where there are too few kinds.
     """
     kinds = kinds_of_moves(stretches)
     if len(kinds) < LEAST_KINDS:
@@ -187,8 +188,8 @@ def covariance_over_moves(
         found.append(own.solved(Point(values, tuple(starts), tuple(made)), None, True).step)
     apart = np.array(found) - np.mean(found, axis=0)
     covariance = (1.0 - 1.0 / len(found)) * apart.T @ apart
-    fixed = np.diag(covariance) == 0.0
-    covariance[np.ix_(fixed, fixed)] = other[np.ix_(fixed, fixed)]
+    still = np.diag(covariance) <= ROUNDED * np.diag(other)
+    covariance[np.ix_(still, still)] = other[np.ix_(still, still)]
     return covariance
 
 
