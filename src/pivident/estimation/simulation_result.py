@@ -53,8 +53,7 @@ class SimulationResult(Displayed):
             as in files of earlier versions.
         noise_orders: orders of the noise models, joint by joint, positions before torques; empty
             where the squares of the errors were weighted by their size alone.
-        horizon: longest simulation from a measured state [s]; None: not known, as in files of
-            earlier versions.
+        horizon: longest simulation from a measured state [s]; None in files of earlier versions.
         fit: errors over time and derivatives; None where the result was read from a file.
     """
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from pivident.data.recording.recording import Recording
 from pivident.dynamics.parameters import Parameter
-from pivident.estimation.auxiliary_model import loop_signals
+from pivident.estimation.auxiliary_model import FORGOTTEN, loop_signals
 from pivident.estimation.output_error.loop_unknowns import start_directions
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import (
@@ -63,9 +63,6 @@ class OpenLoop:
         )
 
 
-#: The start is forgotten once its trace in the torque is this share of the torque's standard
-#: deviation.
-FORGOTTEN = 1e-4
 #: Share of a record that may pass until then; a loop that takes longer has its start sought.
 MAX_FORGETTING = 0.2
 #: Standard deviations of initial positions and speeds that are sought, in those of the smoothed
@@ -260,9 +257,9 @@ def open_stretches(
         signals = _open_signals(recording, smooth.q.T, smooth.dq.T)
         loop = ParametrisedLoop(problem.robot, parameters, theta, OpenLoop(), signals, clip=True)
         whole = replace(_stretch(problem, recording, smooth, loop), tau=None)
-        edges = _edges_by_growth(whole) if horizon is None else _edges(whole, horizon)
         if horizon == "record":
             _refuse_unstable(whole)
+        edges = _edges_by_growth(whole) if horizon is None else _edges(whole, horizon)
         stretches += [_known_start(whole.part(*ends)) for ends in pairwise(edges)]
     return stretches
 
@@ -270,8 +267,7 @@ def open_stretches(
 def _refuse_unstable(whole: Stretch) -> None:
     """An open loop that is to run over a record has to be one that can."""
     with suppress(SimulationDiverged, MassMatrixNotPositiveDefinite):  # of values that are far off
-        stable = _grown(whole.loop, UNSTABLE)
-        if stable < whole.samples:
+        if (stable := _grown(whole.loop, UNSTABLE)) < whole.samples:
             raise ExperimentError(
                 f"in open loop an error of the initial state of recording {whole.name!r} grows "
                 f"{UNSTABLE:g}-fold within {stable / whole.rate:.3g} of its "
