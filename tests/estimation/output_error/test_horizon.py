@@ -9,6 +9,7 @@ from benchmarks import free_run
 import pivident as pv
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
+from pivident.estimation.output_error import record_stretches
 from pivident.estimation.output_error.output_error import OutputError
 from pivident.estimation.output_error.record_stretches import kinds_of_moves, without_moves
 from pivident.experiment.simulated_tx40 import tx40_scenario
@@ -120,3 +121,13 @@ def test_a_closed_loop_begins_anew_where_its_law_has_no_memory():
     law = PID(LAW.kp, LAW.kd, ki=[1000.0, 1000.0])
     with pytest.raises(ExperimentError, match=r"begin anew at 1 s.*control law is not known"):
         identify(problem(law=law), OutputError("positions", horizon=1.0))
+
+
+def test_fewer_kinds_of_moves_than_unknowns_give_variances_alone(carriage, monkeypatch):
+    """The covariance of five estimates has a rank of four, and no inverse of five unknowns."""
+    whole = identify(carriage[1], OLOE)
+    monkeypatch.setattr(record_stretches, "MAX_KINDS", 5)
+    few = identify(carriage[1], OLOE)
+    assert np.linalg.matrix_rank(few.covariance / np.outer(few.std, few.std), tol=1e-9) == 5
+    assert (few.std > 0.3 * whole.std).all()
+    np.testing.assert_allclose(few.theta, whole.theta)

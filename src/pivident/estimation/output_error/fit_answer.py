@@ -170,27 +170,32 @@ def covariance_over_moves(
 ) -> np.ndarray:
     """P of the jackknife over kinds of moves, shape (unknowns, unknowns).
 
-    ``other``: what holds for unknowns that no step moves, and where there are too few kinds.
+    ``other``: what holds for unknowns that no step moves, and where there are too few kinds. Kinds
+    that are no more than the unknowns give variances, and ``other`` the correlations.
     """
     kinds = kinds_of_moves(stretches)
     if len(kinds) < LEAST_KINDS:
         return other
     options = replace(steps.options, undetermined="hold")
+    factor_at = {own.rate: factor for own, factor in zip(stretches, factors, strict=True)}
     found = []
     for kind in kinds:
         pieces = without_moves(stretches, kind)
         own = WeightedSteps(tuple(pieces), steps.unknowns, options)
         own.held = steps.held
-        made = simulated_errors(
-            pieces, steps.unknowns, options.channels, [factors[0]] * len(pieces)
-        )
+        thinned = [factor_at[s.rate] for s in pieces]
+        made = simulated_errors(pieces, steps.unknowns, options.channels, thinned)
         starts = [np.zeros(0 if s.start_std is None else s.start_std.size) for s in pieces]
         found.append(own.solved(Point(values, tuple(starts), tuple(made)), None, True).step)
     apart = np.array(found) - np.mean(found, axis=0)
     covariance = (1.0 - 1.0 / len(found)) * apart.T @ apart
     still = np.diag(covariance) <= ROUNDED * np.diag(other)
-    covariance[np.ix_(still, still)] = other[np.ix_(still, still)]
-    return covariance
+    if len(kinds) > np.count_nonzero(~still):
+        covariance[np.ix_(still, still)] = other[np.ix_(still, still)]
+        return covariance
+    variance = np.where(still, np.diag(other), np.diag(covariance))
+    wider = np.sqrt(variance / np.maximum(np.diag(other), 1e-300))
+    return other * np.outer(wider, wider)
 
 
 def _covariances(
