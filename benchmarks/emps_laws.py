@@ -7,15 +7,16 @@ with a state. An offset beside Coulomb friction is a Coulomb level for each dire
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from benchmarks.open_loop_fit import OpenLoopModel, Stretch
+from benchmarks.open_loop_model import OpenLoopModel
 
 from pivident.data.recording.public_records import EMPS
 from pivident.data.recording.recording import Recording
+from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
+from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.robot.friction import (
     FrictionLaw,
@@ -54,6 +55,10 @@ START = {
 }  # fmt: skip
 
 
+#: Factor by which a constant may leave where its search starts.
+SPAN = 8.0
+
+
 @dataclass(frozen=True)
 class Candidate:
     """A friction law with its drive.
@@ -74,14 +79,26 @@ class Candidate:
         return ("m1", *(f"{term.stem}1" for term in self.terms), *self.constants)
 
     def model(self, start: dict[str, float] | None = None) -> OpenLoopModel:
-        """Where its search starts: at the published values, or at given ones."""
+        """The law with given values, others as published."""
         robot = load_robot("emps").with_friction(FrictionLaw(self.terms))
         known = PUBLISHED | START | (start or {})
         values = {name: known.get(name, 0.0) for name in self.names}
-        return OpenLoopModel(robot, float(EMPS["units"]["tau"]["gain"]), values, self.names)
+        return OpenLoopModel(robot, float(EMPS["units"]["tau"]["gain"]), values)
 
-    def linear_start(self, record: Recording, parts: Sequence[Stretch]) -> dict[str, float]:
-        """IDIM-LS of the law on parts of a record, its constants where their search starts.
+    def fitted(self, record: Recording, horizon: str = "record") -> Identification:
+        """`oloe` of a record; the search starts at IDIM-LS of the law."""
+        robot = load_robot("emps").with_friction(FrictionLaw(self.terms))
+        problem = Problem(robot, (record,), initial=self._linear_start(record))
+        sought = {name: START[name] for name in self.constants if name in START}
+        method = replace(
+            METHODS["oloe"], horizon=horizon, free=self.constants, start="initial",
+            undetermined="hold",
+            bounds={f"{name}1": (value / SPAN, value * SPAN) for name, value in sought.items()},
+        )  # fmt: skip
+        return identify(problem, method)
+
+    def _linear_start(self, record: Recording) -> dict[str, float]:
+        """IDIM-LS of the law, its constants where their search starts.
 
         Terms with a state count as Coulomb friction, which Maxwell elements share equally.
         """
@@ -89,9 +106,15 @@ class Candidate:
         slips = [term.stem for term in self.terms if term.has_memory]
         law = FrictionLaw((*plain, SIGN) if slips else tuple(plain))
         robot = load_robot("emps").with_friction(law)
-        found = identify(Problem(robot, tuple(record.part(*own) for own in parts)), "ls").params
-        values = {"m1" if name == "m1r" else name: float(v) for name, v in found.items()}
-        return values | {f"{stem}1": values["fc1"] / len(slips) for stem in slips}
+        values = dict(identify(Problem(robot, (record,)), "ls").params)
+        level = values.pop("fc1") if slips else 0.0
+        return values | {f"{stem}1": level / len(slips) for stem in slips}
+
+    def model_of(self, found: Identification) -> OpenLoopModel:
+        """The model of an estimate."""
+        values = {"m1" if name == "m1r" else name: float(v) for name, v in found.params.items()}
+        own = () if found.simulation is None else found.simulation.loop_parameters
+        return self.model(values | {p.name.removesuffix("1"): p.value for p in own})
 
 
 SIGN = coulomb("tanh", STEEP)

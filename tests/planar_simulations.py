@@ -22,7 +22,7 @@ SIMULATIONS: dict[str, Method] = {
     "piv": METHODS["piv"],
     "cloe": replace(METHODS["cloe"], free=("delay", "kp")),
     "ml": METHODS["ml"],
-    "oloe": replace(METHODS["oloe"], segment=1.0),
+    "oloe": replace(METHODS["oloe"], horizon=1.0),
 }
 
 

@@ -183,7 +183,7 @@ class Method(Options):
         has_instruments: whether instruments take the place of the observation matrix.
         whitens: whether prefilters from its own noise make its instruments precise; None: it has no
             instruments, or is there for comparison.
-        segment: longest stretch that a simulation runs from its own initial state [s], or None.
+        horizon: how long a simulation runs from a measured state, see `OutputError`.
         filters_positions: whether ``signals`` is a filter that a figure shows.
         weight_power: power of λ in the weights.
         covariance: which covariance is reported.
@@ -209,7 +209,7 @@ class Method(Options):
     fits_simulation: ClassVar[bool] = False
     has_instruments: ClassVar[bool] = False
     whitens: ClassVar[bool | None] = None
-    segment: ClassVar[float | None] = None
+    horizon: ClassVar[float | Literal["moves", "record"] | None] = None
     filters_positions: ClassVar[bool] = True
     weight_power: ClassVar[float] = 1.0
     covariance: ClassVar[CovarianceKind] = "formula"

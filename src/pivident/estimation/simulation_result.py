@@ -53,6 +53,7 @@ class SimulationResult(Displayed):
             as in files of earlier versions.
         noise_orders: orders of the noise models, joint by joint, positions before torques; empty
             where the squares of the errors were weighted by their size alone.
+        horizon: longest simulation from a measured state [s]; None in files of earlier versions.
         fit: errors over time and derivatives; None where the result was read from a file.
     """
 
@@ -65,6 +66,7 @@ class SimulationResult(Displayed):
     at_bound: tuple[str, ...] = ()
     bound_sides: Annotated[tuple[Literal["low", "high"], ...], LATER] = ()
     noise_orders: Annotated[tuple[int, ...], LATER] = ()
+    horizon: Annotated[float | None, LATER] = None
     fit: SimulationFit | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:

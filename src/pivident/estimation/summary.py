@@ -41,10 +41,7 @@ COMPARED_WORDS = {
 
 
 def simulation_text(identification: Identification) -> str:
-    """How near the simulation comes, and what else of the loop was identified.
-
-    Empty for a method that fits no simulation.
-    """
+    """How near a fitted simulation comes, and what else of the loop was identified; or empty."""
     simulation = identification.simulation
     if simulation is None:
         return ""
@@ -57,7 +54,8 @@ def simulation_text(identification: Identification) -> str:
 def simulation_heading(simulation: SimulationResult) -> str:
     """What was simulated and what was compared, without a full stop."""
     if simulation.loop == "open":
-        return "Simulation in open loop, driven by the recorded torques; compared: positions"
+        over = f" over {simulation.horizon:.3g} s" if simulation.horizon else ""
+        return f"Simulation in open loop, driven by the recorded torques{over}; compared: positions"
     compared = COMPARED_WORDS[simulation.compares]
     return f"Simulation in closed loop, from the reference; compared: {compared}"
 

@@ -102,6 +102,12 @@ def _motion_band(value: Any) -> Any:
     raise ValueError('must be "auto" or a frequency in Hz, 0 for no band')
 
 
+def _horizon(value: Any) -> Any:
+    if value in ("moves", "record") or (_is_number(value) and value > 0):
+        return value
+    raise ValueError('must be "record", "moves" or a positive number of seconds')
+
+
 def _range(value: Any) -> Any:
     if isinstance(value, list) and len(value) == 2 and all(map(_is_number, value)):
         if value[0] < value[1]:
@@ -152,6 +158,7 @@ Mask = Annotated[Literal["auto"] | float, PlainValidator(_mask)]
 PositiveNumbers = Annotated[float | tuple[float, ...], PlainValidator(_positive_numbers)]
 Stages = Annotated[int | tuple[int, ...], PlainValidator(_stages)]
 Edge = Annotated[int | tuple[int, int], PlainValidator(_edge)]
+Horizon = Annotated[Literal["moves", "record"] | float, PlainValidator(_horizon)]
 MotionBand = Annotated[Literal["auto"] | float, PlainValidator(_motion_band)]
 Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
 Names = Annotated[list[str], Field(min_length=1)]
@@ -211,6 +218,7 @@ IN_A_FILE: dict[frozenset[Any], Any] = {
     frozenset({int, tuple[int, ...]}): Stages,
     frozenset({int, tuple[int, int]}): Edge,
     frozenset({Literal["auto"], float}): MotionBand,
+    frozenset({Literal["moves", "record"], float}): Horizon,
     frozenset({tuple[str, ...]}): Names,
     frozenset({Mapping[str, float]}): dict[str, float],
     frozenset({Mapping[str, tuple[float, float]]}): Annotated[

@@ -19,7 +19,7 @@ free = ["kp"]
 bounds = {kp1 = [1000, 9000]}
 
 [identify.oloe]
-segment = 1.0
+horizon = 1.0
 
 [output]
 report = false

@@ -191,7 +191,7 @@ def test_kinds_of_covariance():
 
 
 def test_an_open_loop_may_be_cut_into_segments():
-    found = identify(problem(), replace(METHODS["oloe"], segment=1.0))
+    found = identify(problem(), replace(METHODS["oloe"], horizon=1.0))
     z = (found.theta - truth(found.names)) / found.std
     assert found.converged and np.mean(np.abs(z) < 2.0) > 0.7
     assert found.loop is None
@@ -224,7 +224,8 @@ def test_scale_that_positions_do_not_know():
     [
         ({"compares": "speeds"}, "compares is 'speeds'"),
         ({"loop": "open"}, "only positions can be compared"),
-        ({"segment": 2.0}, "cuts the records of an open loop"),
+        ({"horizon": 0.0}, "horizon is 0.0; it has to be positive"),
+        ({"horizon": "minutes"}, "horizon is 'minutes'"),
         ({"bandwidth": 0.0}, "bandwidth is 0"),
         ({"loss": "absolute"}, "loss is 'absolute'"),
         ({"undetermined": "drop"}, "undetermined is 'drop'"),

@@ -47,8 +47,8 @@ from pivident.foundation.progress import IterationLine
 #: Passes that make noise models; later ones keep them, so that the estimate can settle.
 MODEL_PASSES = 2
 
-#: Damping after a first refused step, and the factor of each further one.
-DAMPING, HARDER = 1e-4, 10.0
+#: Damping after a first refused step, where errors have kinks, and the factor of each further one.
+DAMPING, DAMPING_AT_KINKS, HARDER = 1e-4, 1e-2, 10.0
 
 #: Factor by which the damping falls after a step that was taken, and where it ends.
 EASIER, UNDAMPED = 10.0, 1e-9
@@ -115,6 +115,9 @@ class _Search:
             )
         self.stretches, self.unknowns, self.options = stretches, unknowns, options
         self.closed = not any(isinstance(s.loop.controller, OpenLoop) for s in stretches)
+        #: Errors of a run over several moves have kinks wherever a joint stops: their least value
+        #: is where no step gains, not where derivatives vanish.
+        self.has_kinks = any(s.is_long_run for s in stretches)
         self.shaking: list[np.ndarray] = []
         self.steps = WeightedSteps(stretches, unknowns, options)
         # compared up to the bandwidth: the window of ``Thinning`` halves the amplitude there
@@ -133,7 +136,7 @@ class _Search:
         point = self._begin(start, zeros)
         history: list[FitPass] = []
         noise: NoiseWeights | None = None
-        damping, converged, shaken = 0.0, False, False
+        damping, converged, shaken, whole_steps_failed = 0.0, False, False, False
         for number in range(self.options.max_iterations):
             solved = self.steps.solved(point, noise, number < MODEL_PASSES)
             noise = solved.noise
@@ -155,8 +158,12 @@ class _Search:
             say(_line(history))
             if reached is None:  # no step gains any more; derivatives may still promise much
                 converged = solved.gain <= max(WITHIN_NOISE, LITTLE * solved.cost)
-                break
-            point = reached
+                if not self.has_kinks or whole_steps_failed:
+                    converged |= self.has_kinks
+                    break
+                whole_steps_failed, damping = True, 0.0
+                continue
+            whole_steps_failed, point = False, reached
         stretches = [self._moved(k, point.values, own) for k, own in enumerate(point.starts)]
         return fit_answer(self.steps, stretches, self.factors, point, solved, history, converged)
 
@@ -278,13 +285,14 @@ class _Search:
                 if gained >= -SAME * solved.cost:
                     small = gained <= self.options.tolerance**2
                     still = damping > 0.0 and (small or self._is_little(solved, step, gained))
+                    still |= self.has_kinks and gained <= LITTLE * solved.cost
                     damping = _after(damping, gained, equations.gain(step))
                     return step, refused, damping, None if still else reached
                 failure = None
-            damping = HARDER * damping or DAMPING
+            damping = HARDER * damping or (DAMPING_AT_KINKS if self.has_kinks else DAMPING)
         if failure is not None:
             raise failure
-        if solved.gain <= WITHIN_NOISE:
+        if solved.gain <= WITHIN_NOISE or self.has_kinks:
             return np.zeros_like(solved.step), MAX_REFUSED, damping, None
         raise IdentificationError(
             "no step makes the simulation error smaller, though its derivatives promise one: the "

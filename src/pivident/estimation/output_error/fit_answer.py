@@ -7,11 +7,20 @@ Where the errors are stationary noise of any colour, the covariance is
 w are the whitened errors over √λ that the fit leaves, z their derivatives, less what the initial
 states of a stretch take over (`reduced_equations`). Positions and torques of a joint are
 correlated: both have the noise of one encoder.
+
+The errors of a long open-loop run are not stationary: they add up what the model lacks, which
+repeats with the motion. There the covariance is that of the jackknife over K kinds of moves,
+
+    P = (K - 1)/K Σ_k (p₍ₖ₎ - p̄)(p₍ₖ₎ - p̄)ᵀ
+
+p₍ₖ₎ is one step from the estimate, without the moves of kind k: the record falls into pieces, each
+of which begins at its measured state.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,8 +33,13 @@ from pivident.estimation.covariance.stationary_noise import (
     longest_lag,
 )
 from pivident.estimation.output_error.noise_weights import whitened_errors, whitened_rows
-from pivident.estimation.output_error.record_stretches import Stretch
+from pivident.estimation.output_error.record_stretches import (
+    Stretch,
+    kinds_of_moves,
+    without_moves,
+)
 from pivident.estimation.output_error.reduced_equations import condition_of
+from pivident.estimation.output_error.simulated_errors import simulated_errors
 from pivident.estimation.output_error.simulation_fit import (
     FitOptions,
     FitPass,
@@ -38,6 +52,10 @@ from pivident.estimation.output_error.weighted_step import (
     inverse_of_free,
 )
 from pivident.foundation.threads import run_in_threads
+
+#: Fewest kinds of moves that a covariance is made of, and share of another variance that is
+#: rounding.
+LEAST_KINDS, ROUNDED = 4, 1e-12
 
 #: Fewest lags of the covariances, for short records: means of four rows overlap.
 LEAST_LAGS = 12
@@ -112,6 +130,8 @@ def fit_answer(
     """
     kept = np.flatnonzero(~solved.held & ~solved.bound)
     robust, formula, windows = _covariances(point, solved, kept, steps.options)
+    if steps.options.covariance == "auto" and any(own.is_long_run for own in stretches):
+        robust = covariance_over_moves(steps, stretches, factors, point.values, robust)
     condition, share = condition_of(solved.equations.gram[np.ix_(kept, kept)])
     weakest = [int(kept[i]) for i in np.argsort(-share) if share[i] > WEAKEST_SHARE]
     samples = np.array([float(s.samples) for s in stretches])
@@ -139,6 +159,43 @@ def fit_answer(
         factors=tuple(factors),
         made=point.made,
     )
+
+
+def covariance_over_moves(
+    steps: WeightedSteps,
+    stretches: Sequence[Stretch],
+    factors: Sequence[int],
+    values: np.ndarray,
+    other: np.ndarray,
+) -> np.ndarray:
+    """P of the jackknife over kinds of moves, shape (unknowns, unknowns).
+
+    ``other``: what holds for unknowns that no step moves, and where there are too few kinds. Kinds
+    that are no more than the unknowns give variances, and ``other`` the correlations.
+    """
+    kinds = kinds_of_moves(stretches)
+    if len(kinds) < LEAST_KINDS:
+        return other
+    options = replace(steps.options, undetermined="hold")
+    factor_at = {own.rate: factor for own, factor in zip(stretches, factors, strict=True)}
+    found = []
+    for kind in kinds:
+        pieces = without_moves(stretches, kind)
+        own = WeightedSteps(tuple(pieces), steps.unknowns, options)
+        own.held = steps.held
+        thinned = [factor_at[s.rate] for s in pieces]
+        made = simulated_errors(pieces, steps.unknowns, options.channels, thinned)
+        starts = [np.zeros(0 if s.start_std is None else s.start_std.size) for s in pieces]
+        found.append(own.solved(Point(values, tuple(starts), tuple(made)), None, True).step)
+    apart = np.array(found) - np.mean(found, axis=0)
+    covariance = (1.0 - 1.0 / len(found)) * apart.T @ apart
+    still = np.diag(covariance) <= ROUNDED * np.diag(other)
+    if len(kinds) > np.count_nonzero(~still):
+        covariance[np.ix_(still, still)] = other[np.ix_(still, still)]
+        return covariance
+    variance = np.where(still, np.diag(other), np.diag(covariance))
+    wider = np.sqrt(variance / np.maximum(np.diag(other), 1e-300))
+    return other * np.outer(wider, wider)
 
 
 def _covariances(

@@ -12,7 +12,7 @@ The price is that of DIDIM: where model, law or reference are wrong, so is the s
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar, Literal
@@ -40,12 +40,15 @@ from pivident.estimation.output_error.loop_unknowns import (
     Unknown,
     loop_unknowns,
     model_unknowns,
+    with_values,
     within_bounds,
 )
 from pivident.estimation.output_error.misfit import misfit_findings
 from pivident.estimation.output_error.record_stretches import (
+    MIN_SECONDS,
     Stretch,
     closed_stretches,
+    longest_run,
     open_stretches,
 )
 from pivident.estimation.output_error.thinning import POSITIONS, TORQUES
@@ -57,6 +60,7 @@ from pivident.foundation.common_work import once
 from pivident.foundation.errors import (
     ExperimentError,
     RankDeficientRegressor,
+    SimulationDiverged,
     SimulationFailed,
 )
 from pivident.foundation.options import DECLARED, Option, option
@@ -92,13 +96,16 @@ class OutputError(IteratedMethod):
             IDIM-PIV; ``none``: squares of the errors, each joint by its size; ``auto``: the former
             in a closed loop, the latter in an open one, whose errors are drift.
         bandwidth: highest frequency that is compared [Hz]; motions of robots end far below.
-        segment: longest stretch that an open loop runs from its own initial state [s]; None: until
-            an error of that state has grown five-fold, the whole record where it never does.
+        horizon: how long a simulation runs before it begins anew from the measured state:
+            ``record``, the whole of it, a number of seconds [s], or ``moves``, each from rest to
+            rest; None: the record, of an open loop as far as an error of the state at its
+            beginning has not grown five-fold.
         loss: ``squares``, or ``huber`` where single stretches do not fit.
         undetermined: ``refuse`` unknowns that nothing determines, or ``hold`` them where they are.
         covariance: ``formula``, for errors that are white behind their prefilters, ``stationary``,
             for stationary noise of any colour, ``sandwich``, from windows of time, or ``auto``:
-            stationary where the windows agree with it, else sandwich.
+            stationary where the windows agree with it, else sandwich; in an open loop that runs
+            over several moves from kinds of moves.
         start: ``least-squares`` on the record, or the problem's ``initial`` values.
         tolerance: step, in standard errors, at which the iteration may end: no combination of
             unknowns moves by more.
@@ -137,11 +144,13 @@ class OutputError(IteratedMethod):
         "open one",
     )
     bandwidth: float = option(100.0, "highest frequency that is compared", unit="Hz", above=0.0)
-    segment: float | None = option(  # type: ignore[misc]
+    horizon: float | Literal["moves", "record"] | None = option(  # type: ignore[misc]
         None,
-        "`oloe`: longest stretch that runs from its own initial state; not given: until an error "
-        "of that state has grown five-fold",
-        unit="s", shown="see meaning", above=0.0,
+        'how long a simulation runs before it begins anew from the measured state: the `"record"`, '
+        'a number of seconds, or `"moves"`, each from rest to rest; not given: the record, with '
+        "`oloe` as far as an error of the state at its beginning has not grown five-fold "
+        "([when to choose which](theory/output_error.md#horizon))",
+        unit="s", kind='`"record"`, `"moves"` or number', shown="see meaning", above=0.0,
     )  # fmt: skip
     loss: Literal["squares", "huber"] = option(
         "squares", 'or `"huber"`, where single stretches do not fit'
@@ -153,7 +162,8 @@ class OutputError(IteratedMethod):
     covariance: CovarianceKind = option(  # type: ignore[misc]
         "auto",
         'standard errors by the `"formula"` for white errors, from `"stationary"` noise, from the '
-        '`"sandwich"` over windows, or stationary where the windows agree with it (`"auto"`)',
+        '`"sandwich"` over windows, or stationary where the windows agree with it (`"auto"`), from '
+        "kinds of moves where an open loop runs over several",
     )
     tolerance: float = option(
         0.1, "step in standard errors at which the iteration may end", unit="σ",
@@ -179,11 +189,6 @@ class OutputError(IteratedMethod):
                 "an open loop is driven by the recorded torques, so that only positions can be "
                 "compared: compares = 'positions'"
             ).about("compares")
-        if self.segment is not None and self.loop == "closed":
-            raise ExperimentError(
-                f"segment is {self.segment} s",
-                advice="it cuts the records of an open loop, and is positive",
-            ).about("segment")
         object.__setattr__(self, "free", tuple(self.free))
         bounds = {name: (float(low), float(high)) for name, (low, high) in self.bounds.items()}
         object.__setattr__(self, "bounds", bounds)
@@ -246,22 +251,52 @@ class OutputError(IteratedMethod):
         theta = _start(signals, self)
         say(f"{self.label}: fitting the simulation")
         try:
-            stretches = _stretches(signals, self, theta)
-            loop = stretches[0].loop
-            unknowns = within_bounds(
-                [*model_unknowns(problem), *loop_unknowns(problem, loop, self.free)], self.bounds
-            )
-            fit = fit_simulation(stretches, unknowns, _options(problem, self), say)
+            fit, found = _fitted(signals, self, theta, say)
         except SimulationFailed as error:
             error.problem, error.from_start = problem, True
             raise
         say(f"{self.label}: residuals and covariance")
-        return _identification(signals, self, fit, test_gains and self.simulates_loop)
+        return _identification(signals, self, fit, found, test_gains and self.simulates_loop)
 
 
 #: Closed loop compared in positions, in torques, in both, and open loop.
 CLOE, CLIE, ML = OutputError("positions"), OutputError("torques"), OutputError("both")
 OLOE = OutputError("positions", "open")
+
+
+def _fitted(
+    signals: Signals, method: OutputError, theta: np.ndarray, say: Say
+) -> tuple[SimulationFit, list[Finding]]:
+    """The fit over the horizon; an open loop that diverges begins with a shorter one and grows.
+
+    From a start that is far off a run over minutes leaves what was measured. Runs of half the time
+    may not, and what they find is a better start for those of twice theirs.
+    """
+    problem, asked, found = signals.problem, method, None
+    while True:
+        stretches = _stretches(signals, asked, theta)
+        loop = stretches[0].loop
+        unknowns = within_bounds(
+            [*model_unknowns(problem), *loop_unknowns(problem, loop, method.free)], method.bounds
+        )
+        if found is not None:
+            loops = [with_values(own.loop, unknowns, found.values) for own in stretches]
+            stretches = [own.with_loop(loop) for own, loop in zip(stretches, loops, strict=True)]
+        seconds = longest_run(stretches)
+        try:
+            fit = fit_simulation(stretches, unknowns, _options(problem, method), say)
+        except SimulationDiverged:
+            if found is not None:
+                return found, [_shortened(longest_run(found.stretches), seconds)]
+            if method.loop == "closed" or seconds < 2.0 * MIN_SECONDS:
+                raise
+            asked = replace(method, horizon=seconds / 2.0)
+            say(f"{method.label}: runs of {seconds:.3g} s diverge, begun with half of it")
+            continue
+        if asked is method:
+            return fit, []
+        found, wanted = fit, longest_run(_stretches(signals, method, theta))
+        asked = replace(method, horizon=2.0 * seconds) if 2.0 * seconds < wanted else method
 
 
 def _options(problem: Problem, method: OutputError) -> FitOptions:
@@ -300,24 +335,31 @@ def _stretches(signals: Signals, method: OutputError, theta: np.ndarray) -> list
     problem, nominal = signals.problem, signals.problem.initial_values()
     parameters = problem.regressor.parameters
     if method.loop == "open":
-        return open_stretches(problem, parameters, theta, signals.kinematics, method.segment)
+        return open_stretches(problem, parameters, theta, signals.kinematics, method.horizon)
     assert problem.loop is not None
     unknowns = model_unknowns(problem)
     for share in STARTS:
         values = nominal + share * (theta - nominal)
         values = np.clip(values, [u.low for u in unknowns], [u.high for u in unknowns])
         make = partial(
-            closed_stretches, problem, problem.loop, parameters, values, signals.kinematics
-        )
+            closed_stretches, problem, problem.loop, parameters, values, signals.kinematics,
+            method.horizon,
+        )  # fmt: skip
         try:
-            return once(("stretches", problem, method.signals, values.tobytes()), make)
+            return once(
+                ("stretches", problem, method.signals, method.horizon, values.tobytes()), make
+            )
         except SimulationFailed as error:
             failure = error
     raise failure
 
 
 def _identification(
-    signals: Signals, method: OutputError, fit: SimulationFit, test_gains: bool
+    signals: Signals,
+    method: OutputError,
+    fit: SimulationFit,
+    found: Sequence[Finding],
+    test_gains: bool,
 ) -> Identification:
     """The answer, with the torque equations at the estimate beside the simulation's."""
     signals = _with_constants(signals, fit)
@@ -333,7 +375,7 @@ def _identification(
     notes, warnings = law_findings(problem.loop if method.loop == "closed" else None)
     result = _result(method, fit, count)
     findings = [
-        *notes, *warnings, *_undetermined(fit), *_bounds(fit),
+        *notes, *warnings, *found, *_undetermined(fit), *_bounds(fit),
         *misfit_findings(problem, fit, test_gains),
     ]  # fmt: skip
     return answer(
@@ -376,6 +418,7 @@ def _result(method: OutputError, fit: SimulationFit, count: int) -> SimulationRe
     return SimulationResult(
         compares=method.compares,
         loop=method.loop,
+        horizon=longest_run(fit.stretches),
         position_rms=fit.rms[POSITIONS],
         torque_rms=fit.rms[TORQUES],
         loop_parameters=tuple(
@@ -417,6 +460,17 @@ def _undetermined(fit: SimulationFit) -> list[Finding]:
     )
     step = "Declare what is known of them, or record a motion in which they act apart."
     return [Finding("warning", "simulation", "undetermined", text, next_step=step)]
+
+
+def _shortened(shorter: float, longer: float) -> Finding:
+    """A horizon [s] beyond which simulations of the open loop diverge."""
+    text = (
+        f"Runs of {longer:.3g} s in open loop leave what was measured even from the estimate of "
+        f"runs of {shorter:.3g} s, which is the one given."
+    )
+    step = "Simulate the closed loop (cloe, clie, ml), which comes back to its reference."
+    evidence = {"horizon": Quantity(shorter, "s")}
+    return Finding("warning", "simulation", "short horizon", text, "", step, evidence)
 
 
 def _bounds(fit: SimulationFit) -> list[Finding]:

@@ -2,22 +2,23 @@
 
 A closed loop forgets where it started, and is compared from then on. What forgets slowly, and an
 open loop, is compared from its first sample; its initial state is then sought with the unknowns.
-Long open loops may be cut into stretches, each with an initial state of its own.
-
-A stretch of a record beside the loop that simulates it.
+The *horizon* is how long a simulation runs before it begins anew from the measured state: the whole
+record, some seconds, or a move from rest to rest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
 from pivident.data.recording.recording import Recording
 from pivident.dynamics.parameters import Parameter
-from pivident.estimation.auxiliary_model import loop_signals
+from pivident.estimation.auxiliary_model import FORGOTTEN, loop_signals
 from pivident.estimation.output_error.loop_unknowns import start_directions
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import (
@@ -29,7 +30,7 @@ from pivident.foundation.scratch import working_array
 from pivident.loop.motion.motion import Kinematics, measured_samples
 from pivident.loop.simulation.closed_loop import LoopSignals, simulate_blocks
 from pivident.loop.simulation.control_loop import Loop, with_measured_gravity
-from pivident.loop.simulation.controllers import TAPS, SampledLaw
+from pivident.loop.simulation.controllers import TAPS, Controller, PythonController, SampledLaw
 from pivident.loop.simulation.direction import ParametrisedLoop
 from pivident.loop.simulation.loop_kernel import TORQUE
 from pivident.loop.simulation.tangents import tangent_blocks
@@ -62,9 +63,6 @@ class OpenLoop:
         )
 
 
-#: The start is forgotten once its trace in the torque is this share of the torque's standard
-#: deviation.
-FORGOTTEN = 1e-4
 #: Share of a record that may pass until then; a loop that takes longer has its start sought.
 MAX_FORGETTING = 0.2
 #: Standard deviations of initial positions and speeds that are sought, in those of the smoothed
@@ -75,9 +73,29 @@ LEAST_START = 1e-6
 #: Growth of an error of the initial state at which an open loop is cut, and the shortest stretch
 #: [s].
 MAX_GROWTH, MIN_SECONDS = 5.0, 0.5
+#: Growth from which on an open loop cannot be simulated over a record: of a micrometre to a
+#: millimetre.
+UNSTABLE = 1e3
+#: Share of its largest speed below which a joint turns or rests, and shortest move [s].
+AT_REST, SHORTEST_MOVE = 0.03, 0.1
+#: Share of the largest speed by which those of moves of one kind differ at most.
+SAME_MOVE = 0.1
+#: Moves from which on a stretch is a long run: its errors are what the model lacks, added up over
+#: time, of which there are as many as moves, not as many as samples.
+LONG = 4
+#: Kinds of moves that are told apart at most.
+MAX_KINDS = 10
 #: Distance from the measured motion, in ranges of it, and speed, in largest speeds, at which an
 #: open loop counts as diverged.
 MAX_DISTANCE, MAX_SPEED = 10.0, 20.0
+
+
+#: Fewest samples of a stretch.
+SHORTEST = 16
+
+#: How long a simulation runs from a measured state: over a move, so many seconds, the record; None:
+#: what the loop allows.
+Horizon = float | Literal["moves", "record"] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +116,8 @@ class Stretch:
         start_std: how far initial positions and speeds may lie from those of ``loop``: standard
             deviations, shape (2 joints,); None: they are not sought.
         first: measured sample from which on is compared.
+        state: smoothed positions and speeds, shape (2, samples, joints); None: not known, and the
+            stretch cannot be cut.
     """
 
     name: str
@@ -110,6 +130,7 @@ class Stretch:
     start_time: float
     start_std: np.ndarray | None
     first: int = 0
+    state: np.ndarray | None = None
 
     @property
     def rate(self) -> float:
@@ -125,6 +146,44 @@ class Stretch:
         """The same record beside another loop."""
         return replace(self, loop=loop)
 
+    def part(self, start: int, stop: int) -> Stretch:
+        """Some measured samples, from the smoothed state at the first of them."""
+        assert self.state is not None
+        span = slice(start, stop)
+        signals = self.loop.signals.part(slice(start * self.step, stop * self.step))
+        q, dq = self.state[:, start]
+        return replace(
+            self,
+            loop=replace(self.loop, signals=signals, start=(q.copy(), dq.copy())),
+            q=self.q[span],
+            tau=None if self.tau is None else self.tau[span],
+            moving=self.moving[span],
+            start_time=self.start_time + start / self.rate,
+            state=self.state[:, span],
+        )
+
+    @property
+    def moves(self) -> list[int]:
+        """Samples at which moves from rest to rest begin, and the end of the last one.
+
+        A move ends in the middle of the time in which all joints turn or rest.
+        """
+        assert self.state is not None
+        speed = np.abs(self.state[1])
+        still = (speed <= AT_REST * speed.max(axis=0)).all(axis=1).astype(int)
+        rests = np.flatnonzero(np.diff(still, prepend=0, append=0)).reshape(-1, 2)
+        shortest, edges = round(SHORTEST_MOVE * self.rate), [0]
+        for middle in rests.mean(axis=1).astype(int).tolist():
+            if edges[-1] + shortest <= middle <= self.samples - shortest:
+                edges.append(middle)
+        return [*edges, self.samples]
+
+    @property
+    def is_long_run(self) -> bool:
+        """Whether an open loop runs over several moves."""
+        is_open = isinstance(self.loop.controller, OpenLoop) and self.state is not None
+        return is_open and len(self.moves) > LONG
+
 
 def closed_stretches(
     problem: Problem,
@@ -132,13 +191,15 @@ def closed_stretches(
     parameters: tuple[Parameter, ...],
     theta: np.ndarray,
     kinematics: Sequence[Kinematics],
+    horizon: Horizon = None,
 ) -> list[Stretch]:
-    """One stretch for each recording, in its closed loop.
+    """Stretches of each recording in its closed loop: by default the whole of it.
 
     ``parameters``: what is simulated, ``theta``: their values; ``kinematics``: smoothed motions.
 
     Raises:
         SimulationDiverged: the loop with these values is unstable.
+        ExperimentError: the law has a memory, so that it cannot begin in the middle of a record.
     """
     controller = with_measured_gravity(
         loop.controller, problem.robot, loop.drive_gain, loop.feed_forward
@@ -149,13 +210,29 @@ def closed_stretches(
         own = ParametrisedLoop(
             problem.robot, parameters, theta, controller, signals, begin, clip=True
         )
-        stretch = _stretch(problem, recording, smooth, own)
-        first = _forgotten(own, stretch)
-        if first <= MAX_FORGETTING * stretch.samples:
-            stretches.append(replace(stretch, first=first, start_std=None))
-        else:
+        whole = _stretch(problem, recording, smooth, own)
+        edges = _edges(whole, horizon or "record")
+        if len(edges) > 2 and remembers(controller, signals):
+            raise ExperimentError(
+                f"the simulated loop of recording {recording.name!r} would begin anew at "
+                f"{edges[1] / whole.rate:.3g} s, where the state of its control law is not known",
+                advice='leave horizon out, or "record": this law has an integrator or a program',
+            ).about("horizon")
+        for ends in pairwise(edges):
+            stretch = whole.part(*ends)
+            first = _forgotten(stretch.loop, stretch)
+            if first <= MAX_FORGETTING * stretch.samples:
+                stretch = replace(stretch, first=first, start_std=None)
             stretches.append(stretch)
     return stretches
+
+
+def remembers(controller: Controller, signals: LoopSignals) -> bool:
+    """Whether a control law has a state beside the last positions that it read."""
+    if isinstance(controller, PythonController):
+        return True
+    law = controller.law(float(signals.rate), signals.q_ref, signals.dq_ref)
+    return bool(law.integral_gain.any())
 
 
 def open_stretches(
@@ -163,51 +240,114 @@ def open_stretches(
     parameters: tuple[Parameter, ...],
     theta: np.ndarray,
     kinematics: Sequence[Kinematics],
-    seconds: float | None,
+    horizon: Horizon = None,
 ) -> list[Stretch]:
     """Stretches driven by the recorded torques.
 
-    ``seconds``: the longest one; None: it ends where an error of its initial state has grown
+    ``horizon``: None: the record, as far as an error of its initial state does not grow
     ``MAX_GROWTH``-fold. An arm under gravity falls away from any motion; beyond that the errors are
     no smooth function of the unknowns any more.
 
     Raises:
-        ExperimentError: the torque is no input: it was not logged at the rate of the simulation.
+        ExperimentError: the torque is no input: it was not logged at the rate of the simulation; or
+            the record was asked for, and its open loop is unstable.
     """
     stretches = []
     for recording, smooth in zip(problem.recordings, kinematics, strict=True):
-
-        def cut(start: int, stop: int, recording=recording, smooth=smooth) -> Stretch:
-            span = slice(start, stop)
-            part = recording.part(start, stop)
-            seen = None if smooth.measured is None else smooth.measured[:, span]
-            own = replace(smooth, q=smooth.q[:, span], dq=smooth.dq[:, span], measured=seen)
-            q, dq = own.q.T, own.dq.T
-            signals = _open_signals(part, q, dq)
-            begin = (q[0].copy(), dq[0].copy())
-            loop = ParametrisedLoop(
-                problem.robot, parameters, theta, OpenLoop(), signals, begin, clip=True
-            )
-            return replace(_stretch(problem, part, own, loop), tau=None)
-
-        samples = recording.samples
-        if seconds is None:
-            edges = _edges_by_growth(cut, samples, recording.rate)
-        else:
-            longest = max(seconds * recording.rate, 16.0)
-            count = max(1, int(np.ceil(samples / min(longest, samples))))
-            edges = np.linspace(0, samples, count + 1).astype(int).tolist()
-        stretches += [cut(*edge) for edge in pairwise(edges)]
+        signals = _open_signals(recording, smooth.q.T, smooth.dq.T)
+        loop = ParametrisedLoop(problem.robot, parameters, theta, OpenLoop(), signals, clip=True)
+        whole = replace(_stretch(problem, recording, smooth, loop), tau=None)
+        if horizon == "record":
+            _refuse_unstable(whole)
+        edges = _edges_by_growth(whole) if horizon is None else _edges(whole, horizon)
+        stretches += [_known_start(whole.part(*ends)) for ends in pairwise(edges)]
     return stretches
 
 
-def _edges_by_growth(cut: Callable[[int, int], Stretch], samples: int, rate: float) -> list[int]:
+def _refuse_unstable(whole: Stretch) -> None:
+    """An open loop that is to run over a record has to be one that can."""
+    with suppress(SimulationDiverged, MassMatrixNotPositiveDefinite):  # of values that are far off
+        if (stable := _grown(whole.loop, UNSTABLE)) < whole.samples:
+            raise ExperimentError(
+                f"in open loop an error of the initial state of recording {whole.name!r} grows "
+                f"{UNSTABLE:g}-fold within {stable / whole.rate:.3g} of its "
+                f"{whole.samples / whole.rate:.3g} s, and no run over the record means anything",
+                advice="simulate the closed loop (cloe, clie, ml), which comes back to its "
+                "reference, or leave horizon out: runs then end before errors grow",
+            ).about("horizon")
+
+
+def longest_run(stretches: Sequence[Stretch]) -> float:
+    """Longest time that is simulated from a measured state [s]."""
+    return max(own.samples / own.rate for own in stretches)
+
+
+def kinds_of_moves(stretches: Sequence[Stretch]) -> list[list[tuple[int, int]]]:
+    """Moves that repeat one another, each as its stretch and its place there.
+
+    Of one kind are those whose joints reach about the same speeds in the same directions; once
+    there are ``MAX_KINDS``, a move joins the nearest one.
+    """
+    peaks: list[np.ndarray] = []
+    kinds: list[list[tuple[int, int]]] = []
+    for s, stretch in enumerate(stretches):
+        assert stretch.state is not None
+        largest = np.abs(stretch.state[1]).max(axis=0) + 1e-300
+        for place, ends in enumerate(pairwise(stretch.moves)):
+            speed = stretch.state[1, slice(*ends)] / largest
+            peak = speed[np.abs(speed).argmax(axis=0), np.arange(speed.shape[1])]
+            apart = [float(np.abs(peak - other).max()) for other in peaks]
+            if len(peaks) < MAX_KINDS and min(apart, default=np.inf) >= SAME_MOVE:
+                peaks.append(peak)
+                kinds.append([(s, place)])
+            else:
+                kinds[int(np.argmin(apart))].append((s, place))
+    return kinds
+
+
+def without_moves(
+    stretches: Sequence[Stretch], left_out: Sequence[tuple[int, int]]
+) -> list[Stretch]:
+    """What is left of stretches, each piece from its own measured state."""
+    pieces = []
+    for s, own in enumerate(stretches):
+        starts = [0, *(own.moves[place + 1] for stretch, place in left_out if stretch == s)]
+        stops = [*(own.moves[place] for stretch, place in left_out if stretch == s), own.samples]
+        pieces += [own.part(*ends) for ends in zip(starts, stops, strict=True) if ends[0] < ends[1]]
+    return pieces
+
+
+def _known_start(stretch: Stretch) -> Stretch:
+    """With an initial state that a long run cannot bend to its own errors.
+
+    One of many correlated errors is no witness: the weight of the smoothed state grows by what
+    samples have over moves.
+    """
+    if stretch.start_std is None or not stretch.is_long_run:
+        return stretch
+    share = (len(stretch.moves) - 1) / stretch.samples
+    return replace(stretch, start_std=np.sqrt(share) * stretch.start_std)
+
+
+def _edges(whole: Stretch, horizon: Horizon) -> list[int]:
+    """Samples at which stretches of a given horizon begin and end."""
+    samples = whole.samples
+    if horizon == "moves":
+        return whole.moves
+    if horizon is None or horizon == "record":
+        return [0, samples]
+    longest = min(max(horizon * whole.rate, SHORTEST), samples)
+    return np.linspace(0, samples, int(np.ceil(samples / longest)) + 1).astype(int).tolist()
+
+
+def _edges_by_growth(whole: Stretch) -> list[int]:
     """Samples at which stretches begin and end: where an error of the start has grown too much."""
-    shortest = max(16, round(MIN_SECONDS * rate))
+    samples = whole.samples
+    shortest = max(SHORTEST, round(MIN_SECONDS * whole.rate))
     edges = [0]
     while samples - edges[-1] > 2 * shortest:
         begin = edges[-1]
-        end = begin + max(shortest, _tame(cut(begin, samples).loop))
+        end = begin + max(shortest, _tame(whole.part(begin, samples).loop))
         if end + shortest >= samples:
             break
         edges.append(end)
@@ -216,14 +356,18 @@ def _edges_by_growth(cut: Callable[[int, int], Stretch], samples: int, rate: flo
 
 def _tame(loop: ParametrisedLoop) -> int:
     """Samples until an error of an initial position has grown ``MAX_GROWTH``-fold."""
-    starts = start_directions(loop.robot.size)[: loop.robot.size]
     try:
-        for made in tangent_blocks(loop, starts):
-            grown = np.flatnonzero((np.abs(made.q) > MAX_GROWTH).any(axis=(1, 2)))
-            if grown.size:
-                return made.samples.start + int(grown[0])
+        return _grown(loop, MAX_GROWTH)
     except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
         return int(error.time * float(loop.signals.rate))
+
+
+def _grown(loop: ParametrisedLoop, growth: float) -> int:
+    """Samples until an error of an initial position has grown so many times."""
+    for made in tangent_blocks(loop, start_directions(loop.robot.size)[: loop.robot.size]):
+        grown = np.flatnonzero((np.abs(made.q) > growth).any(axis=(1, 2)))
+        if grown.size:
+            return made.samples.start + int(grown[0])
     return len(loop.signals.q_ref)
 
 
@@ -263,14 +407,14 @@ def _stretch(
     rate, control = recording.rate, float(loop.signals.rate)
     q, tau = recording.q, recording.tau
     moving = (problem.speed_limits(recording).moving(smooth.dq) & measured_samples(smooth)).T
-    step = round(control / rate)
+    state, step = np.stack([smooth.q.T, smooth.dq.T]), round(control / rate)
     if step < 1 or abs(control / rate - step) > 1e-9:
         t = np.arange(len(q)) / rate
         wanted = np.arange(len(loop.signals.q_ref)) / control
         q = cubic_spline(t, q)(wanted)
         tau = np.stack([np.interp(wanted, t, own) for own in recording.tau.T], axis=1)
-        moving = moving[np.minimum((wanted * rate + 0.5).astype(int), len(moving) - 1)]
-        step = 1
+        nearest = np.minimum((wanted * rate + 0.5).astype(int), len(moving) - 1)
+        moving, state, step = moving[nearest], state[:, nearest], 1
     late = recording.delay * control + step * (recording.torque_timing == "averaged")
     reach, fastest = np.ptp(smooth.q, axis=1), np.abs(smooth.dq).max(axis=1)
     position, speed = smooth.encoder_std, 2.0 * np.pi * smooth.f50 * smooth.encoder_std
@@ -281,8 +425,9 @@ def _stretch(
         ]
     )
     return Stretch(
-        recording.name, loop, q, tau, step, round(late), moving, recording.start_time, start_std, 0
-    )
+        recording.name, loop, q, tau, step, round(late), moving, recording.start_time, start_std,
+        state=state,
+    )  # fmt: skip
 
 
 def _forgotten(loop: ParametrisedLoop, stretch: Stretch) -> int:

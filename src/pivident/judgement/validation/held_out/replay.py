@@ -190,7 +190,7 @@ class OpenLoop:
         cut: Kinematics = replace(smooth, q=smooth.q[:, start:stop], dq=smooth.dq[:, start:stop])
         problem = replace(self.problem, recordings=(part,))
         method = found.method_used
-        longest = None if method is None else method.segment
+        longest = None if method is None else method.horizon
         squares, samples = np.zeros(recording.joints), 0
         for stretch in open_stretches(problem, found.parameters, found.theta, [cut], longest):
             loop = with_loop_parameters(problem, stretch.loop, found)
