@@ -70,7 +70,7 @@ def inertia_times(kind, v):
 
 @numba.njit(cache=True)
 def rows(q, dq, ddq, gravity, friction, columns, axes, phi):
-    """φ(q, dq, ddq) of one sample, shape (joints, parameters), into phi; axes is room to work in."""
+    """φ(q, dq, ddq) of one sample, shape (joints, parameters), into phi; axes is room."""
     joints = len(q)
     phi[:] = 0.0
     zero = (0.0, 0.0, 0.0)

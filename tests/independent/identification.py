@@ -8,7 +8,14 @@ from scipy.signal import butter, cheby1, sosfiltfilt
 
 from tests.independent.arm import NAMES, observed
 from tests.independent.loop import Record, simulated
-from tests.independent.noise import Noise, autoregression, controller, settled
+from tests.independent.noise import (
+    Noise,
+    autoregression,
+    burg,
+    controller,
+    convolved,
+    settled,
+)
 from tests.independent.random_walk import derivatives
 from tests.independent.reading import Reading
 
@@ -55,11 +62,33 @@ def bandpass(record: Record) -> tuple[np.ndarray, ...]:
 
 def least_squares(record: Record, reading: Reading) -> Estimate:
     """IDIM-LS (19)."""
-    factor = round(record.rate / 2 / PARALLEL)
-    phi = decimated(observed(*bandpass(record)), factor)
-    tau = decimated(record.tau.T, factor)
+    phi, tau = parallel_filtered(record, reading, record.tau.T, bandpass(record))
     theta, errors = weighted(phi, phi, tau, reading)
     return Estimate(theta, errors, 1, (), "converged")
+
+
+def parallel_filtered(
+    record: Record, reading: Reading, tau: np.ndarray, motion: tuple[np.ndarray, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """φ of a motion and τ behind F_p, without the margins: the rows of IDIM-LS and IDIM-IV."""
+    factor = round(record.rate / 2 / PARALLEL)
+    rows = inside(reading, record.rate / factor, len(tau.T[::factor]))
+    return decimated(observed(*motion), factor)[..., rows], decimated(tau, factor)[:, rows]
+
+
+def inside(reading: Reading, rate: float, samples: int) -> slice:
+    """Samples between the margins."""
+    first, last = (round(seconds * rate) for seconds in reading.margins)
+    return slice(first, samples - last)
+
+
+def moving(record: Record, reading: Reading, dq: np.ndarray, factor: int) -> np.ndarray:
+    """1 where a joint, and the motor that two joints turn, is faster than its share, else 0."""
+    limit = reading.slowest * np.abs(record.dq_r).max(axis=0)
+    fast = np.abs(dq) >= limit
+    fast[:, 4:] &= (np.abs(dq[:, 4] + dq[:, 5]) >= limit[5])[:, None]
+    rows = fast[::factor].T.astype(float)
+    return rows[:, inside(reading, record.rate / factor, rows.shape[1])]
 
 
 def weighted(
@@ -80,12 +109,13 @@ def weighted(
 
 def instrumental_variables(record: Record, reading: Reading, start: np.ndarray) -> Estimate:
     """IDIM-IV (section 3.3): instruments of the auxiliary model, F_p and resampling."""
-    factor = round(record.rate / 2 / PARALLEL)
-    phi, tau = decimated(observed(*bandpass(record)), factor), decimated(record.tau.T, factor)
+    phi, tau = parallel_filtered(record, reading, record.tau.T, bandpass(record))
 
     def step(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        zeta = decimated(observed(*simulated(record, theta)[:3]), factor)
-        return weighted(zeta, phi, tau, reading)
+        motion = simulated(record, theta)[:3]
+        zeta, _ = parallel_filtered(record, reading, record.tau.T, motion)
+        used = moving(record, reading, motion[1], round(record.rate / 2 / PARALLEL))
+        return weighted(zeta * used[:, None], phi * used[:, None], tau * used, reading)
 
     return iterated(step, start, reading)
 
@@ -96,13 +126,17 @@ def iterated(
     """Steps until no parameter changes by more than a share of its standard error."""
     changes: list[float] = []
     errors = np.full(len(theta), np.nan)
+    before, halvings = theta, 0
     for k in range(1, reading.max_iterations + 1):
         try:
             following, errors = step(theta)
         except ArithmeticError as failure:
-            return Estimate(theta, errors, k, tuple(changes), str(failure))
+            if halvings == reading.halvings:
+                return Estimate(theta, errors, k, tuple(changes), str(failure))
+            theta, halvings = 0.5 * (before + theta), halvings + 1
+            continue
         changes.append(float(np.max(np.abs(following - theta) / errors)))
-        theta = following
+        before, theta, halvings = theta, following, 0
         if changes[-1] < reading.stop:
             return Estimate(theta, errors, k, tuple(changes), "converged")
     return Estimate(theta, errors, k, tuple(changes), f"no convergence in {k} iterations")
@@ -114,7 +148,7 @@ class Prefiltered:
     def __init__(self, record: Record, reading: Reading) -> None:
         self.record, self.reading = record, reading
         motion = (
-            derivatives(record.q_m, record.rate, reading.second_pass)
+            derivatives(record.q_m, record.rate, reading.second_pass, reading.slopes)
             if reading.smoother == "irwsm"
             else bandpass(record)
         )
@@ -122,8 +156,8 @@ class Prefiltered:
         self.tau = decimated(record.tau.T, reading.decimation)
         rate = record.rate / reading.decimation
         self.step = 1 / rate
-        margin = round(reading.margin * rate)
-        self.used = slice(margin, self.tau.shape[1] - margin)
+        self.used = inside(reading, rate, self.tau.shape[1])
+        self.iteration = 0
         self.joints = range(len(self.tau))
         self.noise = [Noise(np.ones(1), 1.0) for _ in self.joints]
 
@@ -133,50 +167,87 @@ class Prefiltered:
             return np.ones(1), np.ones(1)
         record, reading = self.record, self.reading
         ki = 0.0 if reading.weak_integral else record.ki[j]
-        numerator, denominator = controller(record.kp[j], record.kd[j], ki, self.step)
-        floor = reading.ridge * record.kd[j] / self.step
+        numerator, denominator = controller(record.kp[j], record.kd[j], ki, record.lag, self.step)
+        floor = reading.ridge * numerator[0] / denominator[0]
         numerator = numerator + floor * np.pad(denominator, (0, len(numerator) - len(denominator)))
         return denominator, numerator
 
     def whitened(self, j: int, x: np.ndarray) -> np.ndarray:
         """H_τ⁻¹(z⁻¹) x for signals x of joint j; its sign is that of ε_τ."""
         first, second = self.inverse(j)
-        x = settled(np.convolve(self.noise[j].a, first), second, x)
+        x = convolved(self.noise[j].a, settled(first, second, x))
         if self.reading.cut:
             x = sosfiltfilt(butter(4, self.reading.cut, fs=1 / self.step, output="sos"), x)
         return x[..., self.used]
 
-    def identify_noise(self, theta: np.ndarray) -> None:
-        """AR models of the residuals (29), (30)."""
+    def forgotten(self, j: int) -> int:
+        """Samples after which a prefilter has forgotten how it started, but for a share."""
+        if not self.reading.forget:
+            return 0
+        first, second = self.inverse(j)
+        poles = np.abs(np.roots(second))
+        fade = np.log(self.reading.forget) / np.log(poles.max()) if len(poles) else 0.0
+        return int(np.ceil(fade)) + len(first) + len(self.noise[j].a) - 2
+
+    def white(self, theta: np.ndarray) -> list[np.ndarray]:
+        """H_τ⁻¹ ε_τ of all joints."""
         residuals = self.tau - np.einsum("jps,p->js", self.phi, theta)
-        found = []
+        return [self.whitened(j, residuals[j]) for j in self.joints]
+
+    def identify_noise(self, theta: np.ndarray) -> None:
+        """AR models of the residuals (29), (30), or only λ where the models are kept."""
+        reading, self.iteration = self.reading, self.iteration + 1
+        if reading.noise_fits and self.iteration > reading.noise_fits:
+            for j, white in enumerate(self.white(theta)):
+                late = white[self.forgotten(j) :]
+                self.noise[j] = Noise(self.noise[j].a, float(np.mean(late**2)))
+            return
+        kept = reading.keep_orders and self.iteration > 1
+        orders = [len(noise.a) - 1 if kept else None for noise in self.noise]
+        self.noise = [Noise(np.ones(1), 1.0) for _ in self.joints]
+        found = [x[self.forgotten(j) :] for j, x in enumerate(self.white(theta))]
+        fit = burg if reading.fit == "burg" else autoregression
         for j in self.joints:
-            self.noise[j] = Noise(np.ones(1), 1.0)
-            found.append(self.whitened(j, residuals[j]))
-        for j in self.joints:
-            y = found[j] if self.reading.joint_noise else np.concatenate(found)
-            self.noise[j] = autoregression(y, self.reading.max_order)
+            y = found[j] if reading.joint_noise else np.concatenate(found)
+            self.noise[j] = fit(y, reading.max_order, orders[j])
 
     def __call__(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The next parameters (28), and their standard errors (31) by the noise that they leave."""
-        zeta = decimated(observed(*simulated(self.record, theta)[:3]), self.reading.decimation)
-        normal, right = np.zeros((len(theta), len(theta))), np.zeros(len(theta))
+        reading, motion = self.reading, simulated(self.record, theta)[:3]
+        zeta = decimated(observed(*motion), reading.decimation)
+        used = moving(self.record, reading, motion[1], reading.decimation)
         for j in self.joints:
-            scale = self.noise[j].variance ** (-2 * self.reading.exponent)
+            used[j, : self.forgotten(j)] = 0.0
+        normal, right = (
+            np.zeros((len(used), len(theta), len(theta))),
+            np.zeros((len(used), len(theta))),
+        )
+        for j in self.joints:
             held = np.flatnonzero(np.any(zeta[j], axis=1))
-            instruments = scale * self.whitened(j, zeta[j, held])
-            normal[np.ix_(held, held)] += instruments @ self.whitened(j, self.phi[j, held]).T
-            right[held] += instruments @ self.whitened(j, self.tau[j])
-        theta = np.linalg.solve(normal, right)
+            instruments = used[j] * self.whitened(j, zeta[j, held])
+            normal[j][np.ix_(held, held)] = instruments @ self.whitened(j, self.phi[j, held]).T
+            right[j, held] = instruments @ self.whitened(j, self.tau[j])
+        variance = np.array([noise.variance for noise in self.noise])
+        for k in range(3):
+            if reading.variance_of == "this" or k == 2:
+                if reading.variance_of == "this":
+                    variance = np.array(
+                        [
+                            np.mean(x[u > 0] ** 2)
+                            for x, u in zip(self.white(theta), used, strict=True)
+                        ]
+                    )
+                scale = variance ** (-2 * reading.exponent)
+                theta = np.linalg.solve(np.tensordot(scale, normal, 1), scale @ right)
         self.identify_noise(theta)
-        return theta, self.standard_errors(zeta)
+        return theta, self.standard_errors(zeta, used)
 
-    def standard_errors(self, zeta: np.ndarray) -> np.ndarray:
+    def standard_errors(self, zeta: np.ndarray, used: np.ndarray) -> np.ndarray:
         """Square roots of the diagonal of (31)."""
         information = np.zeros((zeta.shape[1], zeta.shape[1]))
         for j in self.joints:
             held = np.flatnonzero(np.any(zeta[j], axis=1))
-            white = self.whitened(j, zeta[j, held])
+            white = used[j] * self.whitened(j, zeta[j, held])
             information[np.ix_(held, held)] += white @ white.T / self.noise[j].variance
         if self.reading.covariance == "mean":
             information /= self.tau.shape[1]

@@ -1,8 +1,8 @@
 """The auxiliary model of section 3.3: the arm in its loop, driven by the reference alone.
 
 The controller holds its torque over a sampling period T:
-τ = kp (q_r - q) + kd (dq_r - Δq/T) + ki T Σ(q_r - q).
-Over one period the mass matrix is that of the middle, and friction, which is stiff at γ = 150 s/rad,
+τ = kp (q_r - q) + kd (dq_r - F Δq/T) + ki T Σ(q_r - q), F a lag of first order or 1.
+Over one period the mass matrix is that of the middle, and friction, stiff at γ = 150 s/rad,
 acts at the mean of the velocities before and after (implicit midpoint rule, by Newton's method).
 """
 
@@ -11,14 +11,23 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from tests.independent.arm import COLUMNS, COULOMB, COULOMB_MOTOR, GAMMA, GRAVITY, VISCOUS, rows
+from tests.independent.arm import (
+    COLUMNS,
+    COULOMB,
+    COULOMB_MOTOR,
+    GAMMA,
+    GRAVITY,
+    VISCOUS,
+    VISCOUS_MOTOR,
+    rows,
+)
 
 MAX_ERROR = 1.0  # rad: behind it the simulated arm is said to have run away
 
 
 @dataclass(frozen=True)
 class Record:
-    """What an experiment leaves: signals (samples, joints), and the gains of the loop at the joint."""
+    """What an experiment leaves: signals (samples, joints), and gains of the loop at the joint."""
 
     rate: float
     q_r: np.ndarray
@@ -28,6 +37,7 @@ class Record:
     kp: np.ndarray
     kd: np.ndarray
     ki: np.ndarray
+    lag: float = 0.0  # of the derivative [s]
 
 
 @numba.njit(cache=True)
@@ -43,7 +53,7 @@ def friction_of(v, theta, columns, slope):
         elif kind == COULOMB:
             torque[j] += theta[k] * 2 / np.pi * np.arctan(GAMMA * v[j])
             slope[j, j] += theta[k] * 2 / np.pi * GAMMA / (1 + (GAMMA * v[j]) ** 2)
-        elif kind == VISCOUS + 2:
+        elif kind == VISCOUS_MOTOR:
             torque[4] += theta[k] * v[5]
             torque[5] += theta[k] * v[4]
             slope[4, 5] += theta[k]
@@ -56,7 +66,13 @@ def friction_of(v, theta, columns, slope):
 
 
 @numba.njit(cache=True)
-def run(theta, q_r, dq_r, noise, kp, kd, ki, step, first, columns):
+def counted(q, count):
+    """Positions as an encoder counts them; as they are where a count is zero."""
+    return np.where(count > 0, np.round(q / np.where(count > 0, count, 1.0)) * count, q)
+
+
+@numba.njit(cache=True)
+def run(theta, q_r, dq_r, noise, count, kp, kd, ki, lag, step, first, columns):
     """Positions, velocities and torques of the loop, with NaN from where the arm runs away."""
     samples, joints = q_r.shape
     q, dq, tau = (
@@ -67,15 +83,16 @@ def run(theta, q_r, dq_r, noise, kp, kd, ki, step, first, columns):
     axes, phi = np.empty((joints, 3, 3)), np.empty((joints, len(columns)))
     mass, slope, still = np.empty((joints, joints)), np.empty((joints, joints)), np.zeros(joints)
     q[0], dq[0] = q_r[0], dq_r[0]
-    before, charge = q[0] + noise[0], first.copy()
+    before, charge, speed = counted(q[0] + noise[0], count), first.copy(), np.zeros(joints)
     for i in range(samples):
-        measured = q[i] + noise[i]
+        measured = counted(q[i] + noise[i], count)
         error = q_r[i] - measured
         if not np.all(np.abs(error) < MAX_ERROR):
             q[i:] = np.nan
             return q, dq, tau
         charge += ki * step * error
-        tau[i] = kp * error + kd * (dq_r[i] - (measured - before) / step) + charge
+        speed = (lag * speed + measured - before) / (lag + step)
+        tau[i] = kp * error + kd * (dq_r[i] - speed) + charge
         before = measured
         if i == samples - 1:
             break
@@ -102,20 +119,21 @@ def run(theta, q_r, dq_r, noise, kp, kd, ki, step, first, columns):
 
 
 def simulated(
-    record: Record, theta: np.ndarray, noise: np.ndarray | None = None
+    record: Record,
+    theta: np.ndarray,
+    noise: np.ndarray | None = None,
+    count: np.ndarray | None = None,
 ) -> tuple[np.ndarray, ...]:
     """Positions, velocities, accelerations and torques of the loop with the parameters theta.
 
-    At the start the arm stands where the reference does; the integral holds the torque of then.
+    At the start the arm stands where the reference does, and the integral is empty. Noise and
+    counts, where there are any, are those of the positions that the controller reads.
     """
-    step = 1 / record.rate
+    step, nothing = 1 / record.rate, np.zeros(record.q_r.shape[1])
     noise = np.zeros_like(record.q_r) if noise is None else noise
-    joints = record.q_r.shape[1]
-    phi, axes = np.empty((joints, len(COLUMNS))), np.empty((joints, 3, 3))
-    rows(record.q_r[0], np.zeros(joints), np.zeros(joints), GRAVITY, False, COLUMNS, axes, phi)
-    first = np.where(record.ki > 0, phi @ theta, 0.0)
-    gains = record.kp, record.kd, record.ki
-    q, dq, tau = run(theta, record.q_r, record.dq_r, noise, *gains, step, first, COLUMNS)
+    count = nothing if count is None else count
+    law = record.kp, record.kd, record.ki, record.lag, step
+    q, dq, tau = run(theta, record.q_r, record.dq_r, noise, count, *law, nothing, COLUMNS)
     if not np.isfinite(q).all():
         lost = int(np.flatnonzero(~np.isfinite(q).all(axis=1))[0])
         raise ArithmeticError(f"The simulated arm runs away at {lost * step:.3g} s.")

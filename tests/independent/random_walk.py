@@ -63,16 +63,18 @@ def likeliest_ratio(y: np.ndarray) -> float:
     return 10.0**found.x
 
 
-def derivatives(q_m: np.ndarray, rate: float, second: str) -> tuple[np.ndarray, ...]:
+def derivatives(q_m: np.ndarray, rate: float, second: str, slopes: str) -> tuple[np.ndarray, ...]:
     """Position, velocity and acceleration by two passes, the second over the velocity of the first.
 
     second says where the second pass has its ratio from: its own likelihood, or the first pass.
+    The slope of (27) is that to the next sample: taken as it is, in the "state", or "centred".
     """
     signals = np.empty((3, *q_m.shape))
     for j, y in enumerate(np.ascontiguousarray(q_m.T)):
         ratio = likeliest_ratio(y)
-        signals[0][:, j], slope = smoothed(y, ratio)
-        signals[1][:, j] = rate * slope
-        again = likeliest_ratio(slope) if second == "own" else ratio
-        signals[2][:, j] = rate**2 * smoothed(slope, again)[1]
+        signals[0][:, j], dq = smoothed(y, ratio)
+        ddq = smoothed(dq, likeliest_ratio(dq) if second == "own" else ratio)[1]
+        if slopes == "centred":  # half a sample later than said, and twice that
+            dq, ddq = 0.5 * (dq + np.r_[dq[0], dq[:-1]]), np.r_[ddq[0], ddq[:-1]]
+        signals[1][:, j], signals[2][:, j] = rate * dq, rate**2 * ddq
     return tuple(signals)
