@@ -187,29 +187,32 @@ class Prefiltered:
         first, second = self.inverse(j)
         poles = np.abs(np.roots(second))
         fade = np.log(self.reading.forget) / np.log(poles.max()) if len(poles) else 0.0
-        return int(np.ceil(fade)) + len(first) + len(self.noise[j].a) - 2
+        return int(np.ceil(fade)) + len(first) + len(self.noise[j].a) - 1
 
     def white(self, theta: np.ndarray) -> list[np.ndarray]:
         """H_τ⁻¹ ε_τ of all joints."""
         residuals = self.tau - np.einsum("jps,p->js", self.phi, theta)
         return [self.whitened(j, residuals[j]) for j in self.joints]
 
-    def identify_noise(self, theta: np.ndarray) -> None:
+    def identify_noise(self, theta: np.ndarray, used: np.ndarray) -> None:
         """AR models of the residuals (29), (30), or only λ where the models are kept."""
         reading, self.iteration = self.reading, self.iteration + 1
         if reading.noise_fits and self.iteration > reading.noise_fits:
             for j, white in enumerate(self.white(theta)):
-                late = white[self.forgotten(j) :]
+                late = white[used[j] > 0] if reading.noise_moving else white[self.forgotten(j) :]
                 self.noise[j] = Noise(self.noise[j].a, float(np.mean(late**2)))
             return
         kept = reading.keep_orders and self.iteration > 1
         orders = [len(noise.a) - 1 if kept else None for noise in self.noise]
         self.noise = [Noise(np.ones(1), 1.0) for _ in self.joints]
         found = [x[self.forgotten(j) :] for j, x in enumerate(self.white(theta))]
-        fit = burg if reading.fit == "burg" else autoregression
         for j in self.joints:
             y = found[j] if reading.joint_noise else np.concatenate(found)
-            self.noise[j] = fit(y, reading.max_order, orders[j])
+            if reading.noise_moving:
+                self.noise[j] = autoregression(y, reading.max_order, orders[j], used[j])
+            else:
+                fit = burg if reading.fit == "burg" else autoregression
+                self.noise[j] = fit(y, reading.max_order, orders[j])
 
     def __call__(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The next parameters (28), and their standard errors (31) by the noise that they leave."""
@@ -239,7 +242,7 @@ class Prefiltered:
                     )
                 scale = variance ** (-2 * reading.exponent)
                 theta = np.linalg.solve(np.tensordot(scale, normal, 1), scale @ right)
-        self.identify_noise(theta)
+        self.identify_noise(theta, used)
         return theta, self.standard_errors(zeta, used)
 
     def standard_errors(self, zeta: np.ndarray, used: np.ndarray) -> np.ndarray:

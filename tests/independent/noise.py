@@ -14,14 +14,19 @@ class Noise:
     variance: float
 
 
-def autoregression(y: np.ndarray, max_order: int, order: int | None = None) -> Noise:
+def autoregression(
+    y: np.ndarray, max_order: int, order: int | None = None, used: np.ndarray | None = None
+) -> Noise:
     """AR model by least squares, of the order of smallest AIC = n log λ + 2 p among 0 … max_order.
 
     All orders are fitted to the same samples: one triangular factor, of the sums of products of all
-    lags, holds the residuals of all.
+    lags, holds the residuals of all. Only products of used samples count, where some are not.
     """
-    n = len(y) - max_order
     lags = np.column_stack([y[max_order - k : len(y) - k] for k in (*range(1, max_order + 1), 0)])
+    if used is not None:
+        stretch = np.convolve(used, np.ones(max_order + 1), "valid")
+        lags = lags[stretch > max_order + 0.5]
+    n = len(lags)
     factor = np.linalg.cholesky(lags.T @ lags).T
     left = np.cumsum(factor[:, -1][::-1] ** 2)[::-1]  # squares that the orders 0 … max_order leave
     if order is None:
@@ -31,9 +36,9 @@ def autoregression(y: np.ndarray, max_order: int, order: int | None = None) -> N
 
 
 def burg(y: np.ndarray, max_order: int, order: int | None = None) -> Noise:
-    """The same by Burg's lattice, whose cost grows with the order alone, not with its square."""
-    forward = backward = y
-    left, models = [float(np.mean(y**2))], [np.ones(1)]
+    """The same, about the mean, by Burg's lattice, whose cost grows with the order alone."""
+    forward = backward = y - y.mean()
+    left, models = [float(np.mean(forward**2))], [np.ones(1)]
     for _ in range(max_order if order is None else order):
         forward, backward = forward[1:], backward[:-1]
         reflection = -2 * (forward @ backward) / (forward @ forward + backward @ backward)

@@ -30,6 +30,7 @@ class Reading:
     smoother: the observation matrix by "irwsm", or by "bandpass" as for IDIM-IV.
     slowest: samples of a joint below this share of its largest speed are left out; the text says
         nothing of that, so 0.
+    noise_moving: noise models come from all residuals, or only from those of samples in use.
     noise_fits: noise models are made anew in every iteration (0), or only in the first ones.
     variance_of: λ is that of the estimate "before", as (28) has it, or of "this" one, repeated.
     keep_orders: whether the orders are those of the first noise models.
@@ -60,6 +61,7 @@ class Reading:
     joint_noise: bool = True
     smoother: str = "irwsm"
     slowest: float = 0.0
+    noise_moving: bool = False
     noise_fits: int = 0
     variance_of: str = "before"
     keep_orders: bool = False

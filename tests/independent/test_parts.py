@@ -69,6 +69,8 @@ def test_the_autoregression_finds_order_and_coefficients():
     assert 3 <= len(found.a) <= 6
     np.testing.assert_allclose(found.a[:3], [1, -1.4, 0.7], atol=0.02)
     assert found.variance == pytest.approx(0.09, rel=0.02)
+    lattice = noise.burg(y, 20, order=len(found.a) - 1)
+    np.testing.assert_allclose(lattice.a, found.a, atol=1e-3)
 
 
 def test_the_controller_and_its_inverse_undo_one_another():
@@ -76,6 +78,9 @@ def test_the_controller_and_its_inverse_undo_one_another():
     generator = np.random.default_rng(4)
     step, error = 2e-4, generator.normal(size=500)
     error[:2] = 0.0
-    written = 50 * error + 0.3 * np.diff(error, prepend=0.0) / step + 900 * np.cumsum(error) * step
-    numerator, denominator = noise.controller(50, 0.3, 900, step)
+    speed, lag = np.zeros(500), 1e-3
+    for i in range(1, 500):
+        speed[i] = (lag * speed[i - 1] + error[i] - error[i - 1]) / (lag + step)
+    written = 50 * error + 0.3 * speed + 900 * np.cumsum(error) * step
+    numerator, denominator = noise.controller(50, 0.3, 900, lag, step)
     np.testing.assert_allclose(noise.settled(denominator, numerator, written), error, atol=1e-9)
