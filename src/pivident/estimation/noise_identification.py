@@ -66,7 +66,7 @@ class Prefiltering(Protocol):
 
     @property
     def as_printed(self) -> bool:
-        """Whether standstill is left out, as the paper does."""
+        """Whether standstill is left out in any case; of that the paper says nothing."""
 
 
 @dataclass(frozen=True, eq=False)

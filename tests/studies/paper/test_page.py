@@ -109,10 +109,10 @@ def test_a_verdict_names_its_condition():
         Claim("5", "d", {"joint": unknown}),
     ]
     assert [c.verdict for c in claims] == [
-        "holds", "holds with a condition: reading motor", "does not hold", "not judged",
+        "holds", "holds with a condition: reading motor", "not reproduced", "not judged",
     ]  # fmt: skip
     assert verdicts(claims) == {
-        "holds": 1, "holds with a condition": 1, "does not hold": 1, "not judged": 1,
+        "holds": 1, "holds with a condition": 1, "not reproduced": 1, "not judged": 1,
     }  # fmt: skip
 
 

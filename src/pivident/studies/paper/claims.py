@@ -1,7 +1,8 @@
 """What the paper claims in sections 5 and 6, in our words, and what the repetition says of it.
 
 A claim is judged for every reading of the encoders. It *holds* if it does for all, *holds with a
-condition* if it does for some, which are named, and *does not hold* if it does for none.
+condition* if it does for some, which are named, and is *not reproduced* if it does for none: that
+is what a twin can say of a claim about an arm.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ class Claim:
 
     @property
     def verdict(self) -> str:
-        """Holds, holds with a condition (which readings), or does not hold."""
+        """Holds, holds with a condition (which readings), or not reproduced."""
         known = {name: own.holds for name, own in self.judged.items() if own.holds is not None}
         if not known:
             return "not judged"
@@ -70,7 +71,7 @@ class Claim:
         if len(good) == len(known):
             return "holds"
         if not good:
-            return "does not hold"
+            return "not reproduced"
         return f"holds with a condition: reading {' and '.join(good)}"
 
 
@@ -351,7 +352,7 @@ def _bias(mean: float, half: float) -> str:
 KINDS = {
     "holds": "hold",
     "holds with a condition": "hold with a condition",
-    "does not hold": "do not hold",
+    "not reproduced": "were not reproduced",
     "not judged": "were not judged",
 }
 

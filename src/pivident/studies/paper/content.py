@@ -238,7 +238,8 @@ def _lead(judged: Sequence[Claim]) -> str:
 def _verdict_line(judged: Sequence[Claim]) -> str:
     return (
         f"{len(judged)} claims, each judged for every reading: a claim *holds* if it does for all, "
-        "*holds with a condition* if it does for those that are named."
+        "*holds with a condition* if it does for those that are named, and is *not reproduced* if "
+        "it does for none: the twin has no model error, and a form is one reading of the text."
     )
 
 
