@@ -203,14 +203,17 @@ def _best_factor(
     reach: float,
 ) -> float | None:
     """Factor with the lowest score, where one of some is better than one; None if it is near."""
-    given = float(rows.scores().mean())
-    if all(float(scores(factor).mean()) >= given for factor in tried):
+    found = {x: float(scores(x).mean()) for x in tried}
+    found[1.0] = float(rows.scores().mean())
+    best = min(found, key=lambda x: found[x])
+    if best == 1.0:
         return None
-    end = float(np.log(reach))
-    best = _lowest(lambda x: float(scores(np.exp(x)).mean()), -end, end, 1e-3)
-    factor = float(np.exp(best))
-    at_an_end = abs(best) > 0.99 * end  # where no best one is
-    return None if at_an_end or 1.0 / NO_GAIN < factor < NO_GAIN else factor
+    points = sorted({1.0 / reach, *found, reach})
+    beside = points[points.index(best) - 1], points[points.index(best) + 1]
+    low, high = np.log(beside)
+    factor = np.exp(_lowest(lambda x: float(scores(np.exp(x)).mean()), low, high, 1e-3))
+    at_an_end = abs(np.log(factor)) > 0.99 * np.log(reach)  # where no best one is
+    return None if at_an_end or 1.0 / NO_GAIN < factor < NO_GAIN else float(factor)
 
 
 def _lowest(f: Callable[[float], float], low: float, high: float, accuracy: float) -> float:
