@@ -62,8 +62,7 @@ def estimate_without_load(
     if not problem.regressor.depends_on_load:
         return None
     others = np.flatnonzero(~problem.regressor.load_parameters)
-    parameters = [problem.regressor.parameters[k] for k in others]
-    regressor = regressor_of(problem.robot, parameters)
+    regressor = regressor_of(problem.robot, [problem.regressor.parameters[k] for k in others])
     known = [with_inner(regressor, k) for k in kinematics]
     filters = [Prefilter()] * problem.robot.size
     records = records_without_instruments(known, limits)

@@ -332,8 +332,7 @@ def _arma_model(residual: np.ndarray, mask: np.ndarray, noise: Arma) -> NoiseMod
     if (wanted := noise.ar_order + noise.ma_order) > p + q:
         fallen = (f"{_longest(stretches)}: its order falls from {wanted} to {p + q}.",)
     zeros = np.roots(found.ma)
-    size = np.abs(zeros)
-    inside = zeros * np.minimum(1.0, noise.largest_root / np.maximum(size, 1e-300))
+    inside = zeros * np.minimum(1.0, noise.largest_root / np.maximum(np.abs(zeros), 1e-300))
     return NoiseModel(
         found.ar, np.atleast_1d(np.real(np.poly(inside))), warnings=(*fallen, *found.warnings)
     )

@@ -456,8 +456,7 @@ def _weights(
             )
         row = np.array([float(given.get(name, 1.0)) for name in joints])
         return [np.broadcast_to(row, recording.q.shape) for recording in recordings]
-    single = isinstance(given, np.ndarray) and given.ndim == 2
-    own = [given] if single else list(given)
+    own = [given] if isinstance(given, np.ndarray) and given.ndim == 2 else list(given)
     if len(own) != len(recordings):
         raise ExperimentError(
             f"there are weights for {len(own)} recordings, and {len(recordings)} recordings",

@@ -149,10 +149,8 @@ def identification_table(
         column("unit", [row.unit for row in rows], "<"),
     ]
     if ranges:
-        texts = range_texts(identification.names, ranges)
-        columns.insert(-2, column("range", texts, "<"))
-    taken = sum(len(own[0]) + len(GAP) for own in columns)
-    room = max(WIDTH - taken, _SHORTEST_EXPRESSION)
+        columns.insert(-2, column("range", range_texts(identification.names, ranges), "<"))
+    room = max(WIDTH - sum(len(own[0]) + len(GAP) for own in columns), _SHORTEST_EXPRESSION)
     columns.append(column("group", [shortened(row.expression, room) for row in rows], "<"))
     parts = [headline(identification), lines_of(columns), _joint_table(identification)]
     parts += filter(None, [simulation_text(identification)])

@@ -229,10 +229,8 @@ def _from_filter(data: SampledData, structure: Structure, pole: float) -> np.nda
 
 def _least_squares_then_iv(data: SampledData, structure: Structure, pole: float) -> np.ndarray:
     """Both are steps from (A_f, B = 0), where the residual is y itself."""
-    order = structure.denominator_orders[0]
-    filters = np.poly(np.full(order, -pole)).real
-    zeros = [np.zeros(m + 1) for m in structure.numerator_orders]
-    start = structure.joined([filters], zeros)
+    filters = np.poly(np.full(structure.denominator_orders[0], -pole)).real
+    start = structure.joined([filters], [np.zeros(m + 1) for m in structure.numerator_orders])
     at = linearised(data, structure, start, start)
     least_squares, _ = iv_step(Linearised(at.residual, at.regressors, at.regressors))
     auxiliary, _ = structure.stabilised(start + least_squares)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from pivident.app.cli.console import Progress
+from pivident.foundation.errors import ExportError
 
 if TYPE_CHECKING:
     from pivident.models.exported import ExportedText, Verification
@@ -58,7 +59,6 @@ def export(
     check
         Load the file back where a program for it is installed, and compare torques.
     """
-    from pivident.foundation.errors import ExportError
     from pivident.foundation.files import check_output
     from pivident.judgement.diagnostics.stored_verdict import result_of, said_against
     from pivident.models.export.formats import FORMATS, export_model, verify_export
@@ -123,7 +123,6 @@ def check_targets(
     ``sources`` are the SHA-256 of the files that were identified.
     """
     from pivident.data.logs.source_files import sha256
-    from pivident.foundation.errors import ExportError
 
     for name in exported.further:
         if name.casefold() == out.name.casefold():

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from pivident.app.cli.console import Progress
+from pivident.foundation.errors import ExportError
+from pivident.foundation.extras import require
 
 
 def export_rerun(result: Path, log: Path | None, out: Path) -> None:
@@ -19,8 +21,6 @@ def export_rerun(result: Path, log: Path | None, out: Path) -> None:
         ExportError: no log is named, or the file would replace it.
         MissingExtra: rerun-sdk is not installed.
     """
-    from pivident.foundation.errors import ExportError
-    from pivident.foundation.extras import require
     from pivident.foundation.files import check_output
     from pivident.studies.prediction.new_logs import new_logs, stored_result
     from pivident.studies.prediction.rerun_recording import write_rerun

@@ -12,6 +12,8 @@ from cyclopts import Parameter
 
 from pivident.app.cli.console import DONE, FAULTY_LOG, Progress, UsageError, note
 from pivident.app.cli.excite import excite
+from pivident.foundation.errors import PividentError
+from pivident.foundation.text.printable import escaped
 from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:
@@ -159,8 +161,6 @@ def design_first(robot: str) -> bool:
 
 def check_target(out: Path, logs: Sequence[Path], robot: str | None, force: bool) -> None:
     """Refuse to overwrite an experiment file that exists, or one of the inputs."""
-    from pivident.foundation.errors import PividentError
-
     if out.suffix != ".toml":
         raise PividentError(f"--out {out} must end with .toml", advice="choose another name")
     inputs = [*logs, *([Path(robot)] if robot else [])]
@@ -182,7 +182,6 @@ def print_draft(draft: Draft, out: Path) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from pivident.foundation.text.printable import escaped
     from pivident.foundation.text.toml import value_text
 
     console = Console(highlight=False)

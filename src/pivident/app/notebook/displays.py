@@ -205,8 +205,7 @@ def _environment() -> Environment:
 
 
 def _rendered(name: str, **content: Any) -> str:
-    text = _environment().get_template(f"{name}.html").render(content)
-    return escaped(text)
+    return escaped(_environment().get_template(f"{name}.html").render(content))
 
 
 def _masses(robot: Robot) -> list[str]:

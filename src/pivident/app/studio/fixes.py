@@ -60,8 +60,7 @@ def fixes(remark: Mapping[str, Any], text: str) -> tuple[Fix, ...]:
 def says_the_same(content: Mapping[str, Any], results: Path) -> bool:
     """Whether an experiment file says what it said when a result was made, comments apart."""
     try:
-        then = (results / EXPERIMENT).read_text(encoding="utf-8")
-        return bool(parse_toml(then) == content)
+        return bool(parse_toml((results / EXPERIMENT).read_text(encoding="utf-8")) == content)
     except (OSError, ValueError):
         return False
 

@@ -92,8 +92,7 @@ def _below_verdicts(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def _source(run: dict[str, Any]) -> str:
     """The identification that a run follows from, ``results/001-identify``; empty for others."""
-    result = str(run["arguments"].get("result", ""))
-    return "/".join(result.split("/")[:2])
+    return "/".join(str(run["arguments"].get("result", "")).split("/")[:2])
 
 
 def _outdated(

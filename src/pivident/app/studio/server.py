@@ -369,8 +369,7 @@ def _remove_run(request: Request) -> Response:
 @_threaded
 def _result(request: Request) -> Response:
     """A file of the results: a page to read, all else to keep."""
-    project = _project_of(request)
-    path = project.path_of(f"results/{request.path_params['path']}")
+    path = _project_of(request).path_of(f"results/{request.path_params['path']}")
     if not path.is_file():
         raise ProjectError(f"there is no {path.name} in these results")
     if path.suffix == ".html" and "download" not in request.query_params:

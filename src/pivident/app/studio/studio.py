@@ -113,8 +113,7 @@ class Studio:
         elif view.robot != model:
             table = isinstance(view.content.get("robot"), dict)
             place = ("robot", "model") if table else ("robot",)
-            new = edited(text, [(place, string_text(model))])
-            self.projects.write(project, new, version)
+            self.projects.write(project, edited(text, [(place, string_text(model))]), version)
 
     def brought(self, project: Project, path: Path) -> None:
         """A file has come: the first robot is taken; a log redrafts a file that nobody has changed.

@@ -116,8 +116,7 @@ def _check_room(path: Path, size: int) -> None:
     """Refuse what is too large, or would fill the disk."""
     if size > MAX_BYTES:
         raise _too_large(path)
-    existing = next(p for p in path.parents if p.exists())
-    free = shutil.disk_usage(existing).free
+    free = shutil.disk_usage(next(p for p in path.parents if p.exists())).free
     if size > max(free - RESERVE, 0):
         raise ProjectError(
             f"{path.name} has {size / 1e6:.0f} MB, and {free / 1e6:.0f} MB are free on the disk",

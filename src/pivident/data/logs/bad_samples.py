@@ -261,8 +261,7 @@ def frozen_samples(x: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 def _shortest(start: int, stop: int, samples: int) -> float:
     """Shortest stretch that counts: at the ends of a record a shifted channel is filled up."""
-    inside = start > 0 and stop < samples
-    return SHORTEST if inside else max(SHORTEST, END * samples)
+    return SHORTEST if start > 0 and stop < samples else max(SHORTEST, END * samples)
 
 
 def _fewest_changes(changes: np.ndarray, left_out: np.ndarray, q: np.ndarray, length: int) -> int:

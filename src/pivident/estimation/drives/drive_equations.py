@@ -217,8 +217,7 @@ def gain_unknowns(
         estimated = columns[:, [INERTIAL.index(name) for name in payload.unknown()]]
         more = np.hstack([np.eye(len(kept))[:, friction], _independent(estimated)])
         maps = [np.hstack([unloaded, np.zeros_like(more)]), np.hstack([unloaded, more])]
-        added = columns @ payload.known()
-        offsets = [known, known + added]
+        offsets = [known, known + columns @ payload.known()]
         if payload.mass_std > 0:
             nothing_known = np.zeros(len(kept))
             directions.append((payload.mass_std, (nothing_known, columns @ payload.per_mass())))

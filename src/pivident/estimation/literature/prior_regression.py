@@ -149,8 +149,7 @@ def solve_with_prior(rows: Rows, mean: np.ndarray, precision: np.ndarray) -> Sol
     theta = inverse @ (equations.moment * scale + precision @ mean)
     robust = penalised_windows(sums, theta, precision, mean)
     robust = robust + inverse @ precision @ inverse  # what the prior leaves open
-    condition = float(np.sqrt(np.linalg.cond(gram)))
-    return Solved(theta, inverse, robust, condition, theta[None])
+    return Solved(theta, inverse, robust, float(np.sqrt(np.linalg.cond(gram))), theta[None])
 
 
 def contradiction(rows: Rows, mean: np.ndarray, deviation: np.ndarray) -> np.ndarray:
@@ -159,5 +158,4 @@ def contradiction(rows: Rows, mean: np.ndarray, deviation: np.ndarray) -> np.nda
     ``deviation``: of the prior; infinite where nothing is known, where the result is zero.
     """
     equations = NormalEquations.of(rows.sums(), rows.size)
-    spread = np.sqrt(np.diag(equations.inverse) + deviation**2)
-    return (equations.solution - mean) / spread
+    return (equations.solution - mean) / np.sqrt(np.diag(equations.inverse) + deviation**2)

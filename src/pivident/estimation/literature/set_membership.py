@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from scipy.linalg import qr
 
 from pivident.estimation.literature.boxed_program import (
     Basis,
@@ -232,8 +233,6 @@ class _Program:
 
     def _first_basis(self) -> Basis:
         """Independent rows, of some that are spread over the record, or else of all."""
-        from scipy.linalg import qr
-
         for spread in (SPREAD, None):
             for j, own in enumerate(self.rows.joints):
                 used = np.flatnonzero(own.used)

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,10 +34,8 @@ from pivident.experiment.init.log_files import read_runs
 from pivident.experiment.init.recording_lines import RecordingLines, recording_lines
 from pivident.experiment.init.trial import Findings, try_out
 from pivident.foundation.text.display import Displayed
+from pivident.robot.mjcf_actuators import ActuatorLaw
 from pivident.robot.naming import ROBOT_FILES, nearest
-
-if TYPE_CHECKING:
-    from pivident.robot.mjcf_actuators import ActuatorLaw
 
 #: Why those methods are taken where there is no torque.
 _POSITIONS = "no torque was logged: simulated positions are compared with the measured ones"
@@ -142,8 +139,7 @@ def _known_law(found: RecordingLines, answers: Answers) -> list[Assumption]:
 def _law_of_actuators(found: RecordingLines, law: ActuatorLaw) -> list[Assumption]:
     """Lines of the law that the actuators of the robot's file are."""
     file = Path(found.machine.description).name
-    with_speeds = any(line.key == "dq_ref" for line in found.recording)
-    keys = controller_keys(law, with_speeds)
+    keys = controller_keys(law, any(line.key == "dq_ref" for line in found.recording))
     said = {
         "type": f"no torque was logged; the position actuators of {file} give it by this law",
         "speed_feed_forward": "position actuators of MuJoCo damp the speed itself: 0; a drive that "

@@ -61,8 +61,7 @@ class Plot:
 
     def add_shape(self, kind: str, **attributes: Any) -> None:
         """A line or a rectangle in coordinates of the axes."""
-        shape = {"type": kind} | attributes
-        self.update(shapes=[*self.layout.get("shapes", []), shape])
+        self.update(shapes=[*self.layout.get("shapes", []), {"type": kind} | attributes])
 
     def horizontal(self, y: float, line: Mapping[str, Any]) -> None:
         """A line from edge to edge."""

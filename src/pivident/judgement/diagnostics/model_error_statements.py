@@ -236,8 +236,7 @@ def _unchecked(errors: Sequence[UncheckedCause]) -> Iterator[Finding]:
             for own in errors
             if own.cause.kind == one.cause.kind
         }
-        subject = one.cause.subject
-        yield Finding("note", "model", NOT_CHECKED, text, subject, step, evidence)
+        yield Finding("note", "model", NOT_CHECKED, text, one.cause.subject, step, evidence)
 
 
 def _shown_from(one: UncheckedCause) -> str:
@@ -264,8 +263,7 @@ def _thing(cause: Cause) -> str:
 
 def intervals(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """Parameters that vary over motion or friction laws by much more than their interval says."""
-    result = diagnostics.identifications[name]
-    wide = much_wider(result, diagnostics.ranges.get(name, ()))
+    wide = much_wider(diagnostics.identifications[name], diagnostics.ranges.get(name, ()))
     if not wide:
         return
     said = [

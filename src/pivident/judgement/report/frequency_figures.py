@@ -85,8 +85,7 @@ def decimation_figure(signals: Decimated, rate: float, method: int) -> Figure:
     gain = decimation_gain(frequency, rate, stages)
     plot = empty_plot("gain [dB]")
     _log_frequency(plot)
-    line = {"color": colour(method), "width": 1.8}
-    _gain(plot, frequency, gain, "decimation", line)
+    _gain(plot, frequency, gain, "decimation", {"color": colour(method), "width": 1.8})
     _mark(plot, nyquist, f"new Nyquist {format_significant(nyquist)} Hz")
     plot.y_axis(range=[FLOOR, 10])
     fine = np.linspace(0.2 * nyquist, nyquist, 4000)
@@ -182,8 +181,7 @@ def prefilter_figure(
         f"{format_significant(decibel[largest])} dB at "
         f"{format_significant(frequency[largest])} Hz"
     )
-    label = f"Bode plot of the prefilter of {name}: {note}"
-    return Figure(plot, 360, name, label, note)
+    return Figure(plot, 360, name, f"Bode plot of the prefilter of {name}: {note}", note)
 
 
 def loop_figure(joint: IdentifiedJointLoop, method: int) -> Figure:

@@ -133,8 +133,7 @@ class ModelEntries:
                 behind, ahead = (loop.moved(direction, sign * step).model for sign in (-1.0, 1.0))
                 self._add(behind, ahead, 2.0 * step, d)
             elif direction.kind == "torque_offset":
-                where = (direction.joint, LINEAR, direction.joint, 1, d)
-                self.friction.append((where, 1.0))
+                self.friction.append(((direction.joint, LINEAR, direction.joint, 1, d), 1.0))
 
     def _add(self, behind: Model, ahead: Model, width: float, d: int) -> None:
         change = (ahead.rotor - behind.rotor) / width

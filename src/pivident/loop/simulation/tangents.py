@@ -232,8 +232,7 @@ def _initial_tangent(
     links, body = slope_scratch(len(model.inertia))
     loops = None
     if model.closed is not None:
-        of_passive = _entry_arrays(tables.passive)
-        loops = closed_tangent(model.closed, *of_passive, count)
+        loops = closed_tangent(model.closed, *_entry_arrays(tables.passive), count)
     return LoopTangent(
         vectors=vectors,
         matrices=row_array(MATRIX_LAYERS, n, n, count),

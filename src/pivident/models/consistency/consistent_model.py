@@ -18,6 +18,7 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.inverse_dynamics import InverseDynamics
 from pivident.dynamics.parameters import Parameter
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.identification import Identification, estimated_in_base, torque_sums
 from pivident.estimation.solved_equations import TorqueSums
 from pivident.foundation.document.table import Column, Table
@@ -183,10 +184,7 @@ class ConsistentModel(Displayed):
             dq: joint speeds [rad/s or m/s].
             ddq: joint accelerations [rad/s² or m/s²].
         """
-        from pivident.dynamics.robot_regressor import regressor_of
-
-        regressor = regressor_of(self.robot, self.parameters)
-        return regressor.torque(q, dq, ddq, self.values)
+        return regressor_of(self.robot, self.parameters).torque(q, dq, ddq, self.values)
 
     def intervals(self, level: float = 0.95, of: str = "estimated") -> ProfileIntervals:
         """Profile intervals over the consistent parameters, see `profile_intervals`.

@@ -123,8 +123,7 @@ def _largest(term: FrictionTerm, joint: Joint, speed: float) -> float:
         return speed
     low, high = joint.position_limits or (-POSITION, POSITION)
     q = np.linspace(low, high, 2001)
-    dq = np.linspace(-speed, speed, 2001)
-    return float(np.abs(friction_column(term, dq, q)).max())
+    return float(np.abs(friction_column(term, np.linspace(-speed, speed, 2001), q)).max())
 
 
 def _dry_friction(

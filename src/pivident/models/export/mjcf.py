@@ -213,8 +213,7 @@ def to_mjcf(model: RunnableModel) -> RobotFile:
     sentences = (*differences(model, "MJCF", SUPPORTED, side.left_out), *_of_mujoco(model, side))
     if loops.equalities:
         drawn = [body.link for group in bodies.values() for body in group]
-        frames = [names[i] for i in drawn if not tree.links[i].is_body]
-        sentences += _of_loops(frames)
+        sentences += _of_loops([names[i] for i in drawn if not tree.links[i].is_body])
     content = "\n".join(out).encode()
     return RobotFile(content, sentences, format="mjcf", left_out=side.left_out, supported=SUPPORTED)
 

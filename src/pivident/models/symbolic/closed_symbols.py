@@ -313,8 +313,7 @@ def _closing(robot: Robot, positions: ClosedPositions, gain: np.ndarray) -> Loop
     known = [i for i in range(robot.tree.size) if i not in joints]
     moved = _moved(gain[known], np.array(way, dtype=object))
     right = [-(gap + _along(slope[k, known], moved)) for k, gap in enumerate(gaps)]
-    pattern = positions.pattern[np.ix_(rows, joints)]
-    blocks: list[Block] = block_order(pattern)
+    blocks: list[Block] = block_order(positions.pattern[np.ix_(rows, joints)])
     step = solved_by_blocks(slope[:, joints], [right], blocks)[:, 0]
     unknown = Input(
         "passive",

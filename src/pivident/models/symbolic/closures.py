@@ -118,8 +118,7 @@ class ClosureEquation:
         """The element of c."""
         ends = self.ends
         if isinstance(self.axes, int):
-            apart = plus(ends.points[0], minus(ends.meeting))
-            return dot(ends.axis(0, self.axes), apart)
+            return dot(ends.axis(0, self.axes), plus(ends.points[0], minus(ends.meeting)))
         first, second = self._directions()
         return dot(ends.rotation.out(first), second)
 

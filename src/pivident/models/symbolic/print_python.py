@@ -94,8 +94,7 @@ def python_module(programs: Sequence[Assignments]) -> str:
 def python_function(program: Assignments) -> Callable[..., Any]:
     """The function that the text of a program defines."""
     namespace: dict[str, Any] = {}
-    text = python_module([program])
-    exec(compile(text, f"<{program.name}>", "exec"), namespace)
+    exec(compile(python_module([program]), f"<{program.name}>", "exec"), namespace)
     return namespace[identifier(program.name)]
 
 
@@ -112,8 +111,7 @@ def scalar_names(program: Assignments, taken: Sequence[str] = ()) -> dict[Expres
 def argument_names(program: Assignments, taken: Sequence[str] = ()) -> tuple[list[str], list[str]]:
     """Identifiers of the arguments that have elements, and of the results."""
     arguments = [argument.name for argument in (*program.inputs, program.parameters)]
-    results = [output.name for output in program.outputs]
-    texts = identifiers([*arguments, *results], taken)
+    texts = identifiers([*arguments, *[output.name for output in program.outputs]], taken)
     return texts[: len(arguments)], texts[len(arguments) :]
 
 
@@ -223,8 +221,7 @@ def sympy_module(programs: Sequence[Assignments]) -> str:
 
 
 def _sympy_text(program: Assignments, function: str) -> str:
-    taken = [*_IMPORTED, "assignments", "results"]
-    names = scalar_names(program, taken)
+    names = scalar_names(program, [*_IMPORTED, "assignments", "results"])
     header = [line.replace("\\", "\\\\").replace('"""', "'''") for line in program.header]
     lines = [f"def {function}():", f'    """{header[0]}', "", *(f"    {x}" for x in header[1:])]
     lines += ["", "    Returns assignments (symbol, expression) in order, and results by name."]

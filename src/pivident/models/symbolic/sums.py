@@ -234,8 +234,7 @@ class Tensor(NamedTuple):
 def tensor_about_z(turn: Turn, a: Tensor) -> Tensor:
     """Rz(θ) A Rz(θ)ᵀ in 9 products: t = s (xx - yy) + 2 c xy turns the upper block."""
     c, s = turn
-    twice = a.xy + a.xy
-    t = s * (a.xx - a.yy) + c * twice
+    t = s * (a.xx - a.yy) + c * (a.xy + a.xy)
     return Tensor(
         a.xx - s * t,
         c * t - a.xy,

@@ -166,8 +166,7 @@ def swept_ball(robot: Robot, body: Body) -> tuple[np.ndarray, float]:
         limits.
     """
     *later, first = robot.ancestors(body.link)
-    ends = (np.linalg.norm(body.start), np.linalg.norm(body.end))
-    radius = body.radius + float(max(ends))
+    radius = body.radius + float(max((np.linalg.norm(body.start), np.linalg.norm(body.end))))
     radius += sum(float(np.linalg.norm(robot.joints[i].translation)) for i in later)
     radius += sum(_travel(robot.joints[i]) for i in (*later, first))
     return robot.joints[first].translation, radius

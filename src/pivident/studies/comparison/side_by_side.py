@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from textwrap import fill
-from typing import TYPE_CHECKING
 
 from pivident.foundation.text.numbers import format_significant, with_spread
 from pivident.foundation.text.plain_table import GAP, column, lines_of
@@ -15,10 +14,8 @@ from pivident.studies.comparison.compared_results import (
     Difference,
     Estimate,
 )
+from pivident.studies.comparison.entry import Entry
 from pivident.studies.comparison.remarks import MAX_PERCENT, findings, level_sentence, share_text
-
-if TYPE_CHECKING:
-    from pivident.studies.comparison.entry import Entry
 
 #: Width where there is no terminal.
 WIDTH = 80

@@ -68,8 +68,7 @@ def motion_figure(design: Design, joint: int) -> Figure:
             name=f"{symbol} [{unit}]",
             line={"color": colour(joint), "width": 1.4},
         )
-    titles = [f"{symbol} [{unit}]" for _, symbol, unit, _, _ in rows]
-    plot.stack(titles, automargin=True)
+    plot.stack([f"{symbol} [{unit}]" for _, symbol, unit, _, _ in rows], automargin=True)
     used = []
     for k, (quantity, *_) in enumerate(rows, start=1):
         _limit_lines(plot, design, own.name, quantity, k)

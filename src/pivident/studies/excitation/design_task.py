@@ -262,7 +262,6 @@ def _never_identified(task: DesignTask) -> list[str]:
         task.information(1.0).earlier,
         task.question,
     )
-    errors = standard_errors(white.of(states))
-    never = np.flatnonzero(np.isinf(errors))
+    never = np.flatnonzero(np.isinf(standard_errors(white.of(states))))
     asked = np.intersect1d(never, task.question.asked)
     return [task.question.names[k] for k in (asked if asked.size else never)]

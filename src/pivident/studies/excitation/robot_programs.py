@@ -168,8 +168,7 @@ def si_units(design: Design) -> str:
     Args:
         design: the design.
     """
-    kinds = {joint.position_unit: None for joint in design.robot.joints}
-    return " and ".join(kinds)
+    return " and ".join({joint.position_unit: None for joint in design.robot.joints})
 
 
 def quoted(name: str) -> str:

@@ -87,8 +87,7 @@ def figure_of_intervals(
                 panel.plot(
                     i.middle, y, ls="none", marker=style["marker"], color=style["color"], ms=2.8
                 )
-            last = [r for r in table[name] if r is not None][-1]
-            texts.append(last.in_words)
+            texts.append([r for r in table[name] if r is not None][-1].in_words)
         panel.set_ylim(len(names) - 0.4, -0.6)
         panel.set_xlim(0.0, 100.0)
         panel.set_xticks([])

@@ -26,6 +26,7 @@ from pivident.data.recording.recording import Recording
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.text.finding import Severity
 from pivident.robot.description import Robot
+from pivident.signals.bandpass import butterworth, central_difference
 from pivident.studies.flexibility.compliance import Compliance, identify_compliances
 from pivident.studies.flexibility.measured import Measured
 from pivident.studies.flexibility.resonance import Resonance, find_resonance
@@ -93,8 +94,6 @@ def rigid_validity(
     Raises:
         IdentificationError: a stiffness or inertia is not positive, or there is no such encoder.
     """
-    from pivident.signals.bandpass import butterworth, central_difference
-
     name = recording.joint_names[joint]
     for label, value in (("stiffness", stiffness), ("load inertia", load_inertia)):
         if not (np.isfinite(value) and value > 0):

@@ -48,8 +48,7 @@ def curves_table(study: FrictionStudy) -> pl.DataFrame:
     function).
     """
     pl = require("polars", extra="tables", purpose="the table of friction curves")
-    frames = [frame for joint in study.joints for frame in _joint_frames(joint)]
-    return pl.concat(frames)
+    return pl.concat([frame for joint in study.joints for frame in _joint_frames(joint)])
 
 
 def as_json(study: FrictionStudy) -> dict[str, Any]:

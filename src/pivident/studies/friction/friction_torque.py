@@ -97,14 +97,12 @@ def friction_torques(
         q, dq, ddq = (x[:, k.start : k.stop].T for x in (k.q, k.dq, k.ddq))
         load = regressor.torque(q, dq, ddq, rigid)
         coupled = regressor.torque(q, dq, ddq, _coupling_theta(identification))
-        model = identification.predict(q, dq, ddq)
-        law = model - load - coupled
+        law = identification.predict(q, dq, ddq) - load - coupled
         tau = k.tau[:, k.start : k.stop].T - load - coupled
         load, ddq = (_smoothed(x, k.recording.rate, band) for x in (load, ddq))
         parts.append((q, dq, ddq, load, tau, law))
     q, dq, ddq, load, tau, law = (np.concatenate(x) for x in zip(*parts, strict=True))
-    lengths = [k.stop - k.start for k in records]
-    record = np.repeat(np.arange(len(records)), lengths)
+    record = np.repeat(np.arange(len(records)), [k.stop - k.start for k in records])
     t = np.concatenate([np.arange(k.start, k.stop) / k.recording.rate for k in records])
     load_std = _rigid_standard_error(identification, regressor, q, dq, ddq)
     friction = []
@@ -173,6 +171,5 @@ def _rigid_standard_error(
     at = np.unique(np.linspace(0, len(q) - 1, STANDARD_ERROR_SAMPLES).astype(int))
     phi = regressor.matrix(q[at], dq[at], ddq[at])
     phi[:, :, [not p.carries_load for p in found.parameters]] = 0.0
-    covariance = found.robust_covariance
-    variance = np.einsum("nja,ab,njb->nj", phi, covariance, phi, optimize=True)
+    variance = np.einsum("nja,ab,njb->nj", phi, found.robust_covariance, phi, optimize=True)
     return np.sqrt(np.maximum(variance.mean(axis=0), 0.0))

@@ -99,8 +99,7 @@ def angles_of(robot: Robot, joint: int) -> tuple[Angle, ...]:
             others.append(Angle(motor, row / row[joint], ((motor, gear),), own=False))
         else:
             own_motors.append((motor, gear))
-    own = Angle(names[joint], np.eye(robot.size)[joint], tuple(own_motors))
-    return (own, *others)
+    return (Angle(names[joint], np.eye(robot.size)[joint], tuple(own_motors)), *others)
 
 
 def relate(

@@ -283,8 +283,7 @@ def _best_in_time(
     if not inside.any():
         return 0.0
     ratio = np.where(inside, gain / np.maximum(floor, 1e-12), 0.0)
-    best = int(np.argmax(ratio))
-    return float(frequency[best])
+    return float(frequency[int(np.argmax(ratio))])
 
 
 def _band(

@@ -214,8 +214,7 @@ def fit_waves(
         if step == 0:
             beta = _solved(left, right)
             continue
-        turned = _white_columns(model, scale, slopes, used)
-        both = np.hstack([left, turned])
+        both = np.hstack([left, _white_columns(model, scale, slopes, used)])
         solution = _solved(both, right)
         beta = solution[: beta.size]
         change = np.clip(solution[beta.size :], -reach / 2, reach / 2)

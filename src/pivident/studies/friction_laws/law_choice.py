@@ -91,8 +91,7 @@ class AllJoints:
     def held_out(self, laws: Sequence[FrictionLaw]) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Mean square error of each joint in each held-out cell, and parameters of its law."""
         sums = [judge.sums(law) for judge, law in zip(self.judges, laws, strict=True)]
-        sizes = [len(law.terms) for law in laws]
-        ends = self.kept.size + np.cumsum([0, *sizes])
+        ends = self.kept.size + np.cumsum([0, *[len(law.terms) for law in laws]])
         own = [
             np.r_[columns, np.arange(a, b)]
             for columns, a, b in zip(self.columns, ends[:-1], ends[1:], strict=True)
@@ -104,13 +103,11 @@ class AllJoints:
             for d in judge.divisions:
                 key = d.held_out.tobytes()
                 if key not in solved:
-                    which = judge.segments.training(d.held_out)
-                    solved[key] = self._solve(sums, own, which)
+                    solved[key] = self._solve(sums, own, judge.segments.training(d.held_out))
                 squares = judge.squares_by_cell(laws[number], solved[key][own[number]])
                 total += squares * d.held_out
             errors.append(total)
-        every = np.arange(self.judges[0].segments.count)
-        whole = self._solve(sums, own, every)
+        whole = self._solve(sums, own, np.arange(self.judges[0].segments.count))
         return errors, [whole[a:b] for a, b in pairwise(ends)]
 
     def _solve(
@@ -383,8 +380,7 @@ def _compared(judge: JointJudge, scores: Sequence[LawScore]) -> list[LawScore]:
 
 def _own_sums(last: LastPass, joint: int, cells: Cells) -> SegmentSums:
     """Sums of one joint's rows on its own columns."""
-    every = np.arange(last.equations.regressor.columns_of(joint).size)
-    rows = last.rows_of(joint, every)
+    rows = last.rows_of(joint, np.arange(last.equations.regressor.columns_of(joint).size))
     return SegmentSums.of([(r.phi, r.z, r.tau, r.used) for r in rows], cells.segments)
 
 

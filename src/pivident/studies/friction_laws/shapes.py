@@ -26,6 +26,7 @@ from pivident.foundation.errors import IdentificationError, UnknownName
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.numbers import format_significant
+from pivident.foundation.text.plain_table import plain_table
 from pivident.studies.friction_laws.filtered_rows import LastPass, ShapedRows
 from pivident.studies.friction_laws.shape_constants import (
     ShapeConstant,
@@ -144,8 +145,6 @@ class ShapedIdentification(Displayed):
 
     def table(self) -> str:
         """The constants as a plain table."""
-        from pivident.foundation.text.plain_table import plain_table
-
         return plain_table(
             [
                 ("constant", "<", [s.label for s in self.shapes]),

@@ -142,8 +142,7 @@ class LoadEstimate(Displayed):
                 continue
             h, spread = self.values[6 + k], self.covariance[6 + k, 6 + k]
             half = h * m - z**2 * self.covariance[6 + k, 9]
-            rest = h**2 - z**2 * spread
-            root = np.sqrt(max(half**2 - leading * rest, 0.0))
+            root = np.sqrt(max(half**2 - leading * (h**2 - z**2 * spread), 0.0))
             made[k] = (half - root) / leading, (half + root) / leading
         return made
 

@@ -86,8 +86,7 @@ class LoadedRecords:
         self.prefilters = self.steps.noise_models(before, theta)
         simulated = Simulated(*self.steps.auxiliary.simulate_or_halve(last, theta))
         self.records, _ = self.steps.equations(before, simulated, self.prefilters)
-        sums = accumulate(self.problem.regressor, self.records, self.filters)
-        return sums, simulated.theta
+        return accumulate(self.problem.regressor, self.records, self.filters), simulated.theta
 
     def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
         """τ - Φθ of each recording [N m or N], shape (joints, samples)."""

@@ -191,8 +191,7 @@ def _without_each(squares: np.ndarray) -> np.ndarray:
 
 def _interval(every: np.ndarray, left_out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends from the value of all blocks, and those with each left out (blocks first)."""
-    count = len(left_out)
-    factor = np.exp(student.ppf(0.975, count - 1) * jackknife_spread(left_out))
+    factor = np.exp(student.ppf(0.975, len(left_out) - 1) * jackknife_spread(left_out))
     return every / factor, every * factor
 
 
@@ -278,8 +277,7 @@ def _error_findings(error: ErrorOnLog, held_out: HeldOutErrors | None) -> list[F
     evidence = {"torque error": Quantity(e.total_in_band, "%", interval=ends)}
     findings = [Finding("note", "prediction", "error", f"{text}.", evidence=evidence)]
     if held_out is not None:
-        ratios = error_ratios(error.moving, held_out, e.joint_names)
-        beside = finding_of(ratios, held_out)
+        beside = finding_of(error_ratios(error.moving, held_out, e.joint_names), held_out)
         findings += [] if beside is None else [beside]
     useless = [
         name

@@ -116,8 +116,7 @@ def range_exits(
             float(x.max()) if named else 0.0
             for x, named in zip((beyond, speed, acceleration), often, strict=True)
         )
-        outside = np.any(left, axis=0)
-        exits.append(RangeExit(joint.name, outside, farthest, fastest, hardest))
+        exits.append(RangeExit(joint.name, np.any(left, axis=0), farthest, fastest, hardest))
     return tuple(exits)
 
 

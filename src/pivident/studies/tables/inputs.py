@@ -140,8 +140,7 @@ def problem_signals(problem: Problem) -> Table:
     """
     recordings = [(r.name, r.t, r.channels()) for r in problem.recordings]
     made = signals_table(recordings, problem.robot.joints)
-    meanings = recording_signals(problem.recordings[0]).meanings
-    return Table("signals", made.columns, meanings)
+    return Table("signals", made.columns, recording_signals(problem.recordings[0]).meanings)
 
 
 def signals_table(

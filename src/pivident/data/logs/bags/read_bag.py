@@ -117,8 +117,7 @@ def open_bag(path: str | Path) -> Bag:
     """A bag read as a whole. The last one is kept, since names are asked for before columns."""
     path = Path(path)
     files = tuple(bag_files(path)) if path.is_dir() else (existing_file(path),)
-    states = tuple((file, *_state(file)) for file in files)
-    return _opened(path, states)
+    return _opened(path, tuple((file, *_state(file)) for file in files))
 
 
 def _state(file: Path) -> tuple[int, int, int]:
@@ -199,8 +198,7 @@ def _messages(file: Path) -> Iterator[Message]:
 
 def _kind(path: Path) -> str:
     """The ending that names the container, below the one of a packed file."""
-    name = path.name.lower()
-    return Path(name.removesuffix(".zstd").removesuffix(".zst")).suffix
+    return Path(path.name.lower().removesuffix(".zstd").removesuffix(".zst")).suffix
 
 
 #: The reader of bags; a folder with the files of one in it is a bag too.

@@ -221,8 +221,7 @@ class OutOfSample:
         return [f"Held-out torque error of {piv} over that of {iv}: {self.piv_over_iv}."]
 
     def _warning(self) -> list[str]:
-        first = next(iter(self.results.values()))
-        return [first.warning] if self.training_only else []
+        return [next(iter(self.results.values())).warning] if self.training_only else []
 
     def _advice(self) -> list[str]:
         return [

@@ -275,8 +275,7 @@ class Judge:
         """
         slow = LOW_SPEED * rated_speeds(robot, self.recording)
         still = ~SpeedLimits(slow, robot.couplings).moving(self.kinematics.dq[:, span])
-        beside = round(0.5 * self.recording.rate / self.band)
-        return within(still.T, beside)
+        return within(still.T, round(0.5 * self.recording.rate / self.band))
 
 
 def within(chosen: np.ndarray, reach: int) -> np.ndarray:

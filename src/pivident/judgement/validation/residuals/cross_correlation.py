@@ -29,10 +29,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pivident.estimation.solved_equations import Equations
 from pivident.foundation.distributions import chi_square, fisher
 from pivident.judgement.validation.residuals.autocorrelation import (
     SIGNIFICANCE,
@@ -42,9 +42,6 @@ from pivident.judgement.validation.residuals.autocorrelation import (
 )
 from pivident.loop.motion.motion import MOTION_BAND
 from pivident.signals.noise_models import LaggedSums
-
-if TYPE_CHECKING:
-    from pivident.estimation.solved_equations import Equations
 
 #: Shifts of the instruments in the test, in stretches.
 SHIFTS = (-1, 1)

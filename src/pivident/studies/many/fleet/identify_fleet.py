@@ -123,8 +123,7 @@ def _problem(template: Template, log: FleetLog) -> tuple[Problem, np.ndarray | N
 
 def _mean_temperatures(recordings: tuple[Recording, ...]) -> np.ndarray:
     """Mean over all samples, shape (joints,), in the unit of the log."""
-    every = np.concatenate([r.inputs[TEMPERATURE] for r in recordings])
-    return every.mean(axis=0)
+    return np.concatenate([r.inputs[TEMPERATURE] for r in recordings]).mean(axis=0)
 
 
 def _parameters(found: Identification, temperatures: np.ndarray | None) -> list[Row]:

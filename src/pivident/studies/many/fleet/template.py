@@ -77,8 +77,7 @@ class Template:
         """The experiment of one log."""
         (entry,) = self.content.recording
         if self.fleet.temperature is not None:
-            joints = self.experiment.robot.size
-            entry = with_input(entry, self.fleet.temperature, joints)
+            entry = with_input(entry, self.fleet.temperature, self.experiment.robot.size)
         entries = []
         for record in log.records:
             files = {key: str(Path(path).absolute()) for key, path in record}
