@@ -1,9 +1,9 @@
 from . import figures as figures
 from .collision.bodies import Body as Body
+from .collision.bodies import Obstacle as Obstacle
 from .collision.bodies import Outline as Outline
+from .collision.bodies import ToolBox as ToolBox
 from .collision.clearances import Clearances as Clearances
-from .collision.obstacles import Obstacle as Obstacle
-from .collision.obstacles import ToolBox as ToolBox
 from .collision.outlines import outline_of as outline_of
 from .collision.room import built_apart as built_apart
 from .collision.room import clearances_of_room as clearances_of_room

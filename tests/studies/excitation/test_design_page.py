@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from pivident.studies.collision.obstacles import Obstacle
+from pivident.studies.collision.bodies import Obstacle
 from pivident.studies.excitation.design_figures import (
     errors_figure,
     motion_figure,

@@ -13,7 +13,7 @@ from typing import Any
 from markupsafe import Markup
 
 from pivident.app.studio.assets import templates
-from pivident.app.studio.example import ROBOT
+from pivident.app.studio.drafting import ROBOT
 from pivident.app.studio.gate import check_context
 from pivident.app.studio.methods import method_context
 from pivident.app.studio.projects import (

@@ -8,8 +8,7 @@ from datetime import datetime
 from typing import Any
 from urllib.parse import quote
 
-from pivident.app.studio.chosen_laws import joints_to_change
-from pivident.app.studio.fixes import repair_words, says_the_same
+from pivident.app.studio.fixes import joints_to_change, repair_words, says_the_same
 from pivident.app.studio.gate import before_use, line_to_go_to
 from pivident.app.studio.offers import best_result, offered
 from pivident.app.studio.projects import EXPERIMENT, TEST_LOGS, Project

@@ -12,10 +12,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from pivident.app.studio.chosen_laws import with_laws
-from pivident.app.studio.drafting import DRAFT, draft
-from pivident.app.studio.example import ROBOT, draft_example
-from pivident.app.studio.fixes import Fix, repaired_text
+from pivident.app.studio.drafting import DRAFT, ROBOT, draft, draft_example
+from pivident.app.studio.fixes import Fix, repaired_text, with_laws
 from pivident.app.studio.gate import Gate, before_run, before_use
 from pivident.app.studio.looks import Looks
 from pivident.app.studio.projects import (

@@ -34,8 +34,7 @@ from pivident.judgement.audit.steps import LOST, REPEATED_SAMPLE, unsteady_steps
 from pivident.judgement.diagnostics.logged_speeds import speed_evidence
 from pivident.judgement.diagnostics.reading_rows import ReadingRows
 from pivident.judgement.diagnostics.repair_search import Candidate, joined, raises_the_error, search
-from pivident.judgement.diagnostics.repair_words import cause_of
-from pivident.judgement.diagnostics.repaired_problem import repaired
+from pivident.judgement.diagnostics.repaired_problem import cause_of, repaired
 from pivident.judgement.validation.held_out.cross_validation import CrossValidation, judged_on
 from pivident.judgement.validation.held_out.folds import JudgedMotion
 from pivident.judgement.validation.held_out.out_of_sample import error_ratio

@@ -12,8 +12,18 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pivident.foundation.document.figure import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
-from pivident.foundation.document.plot import Plot, Trace, colour_scale, kept_samples, trace
+from pivident.foundation.document.plot import (
+    ERROR,
+    MEASURED,
+    METHOD_COLOURS,
+    Figure,
+    Plot,
+    Trace,
+    colour_scale,
+    empty_plot,
+    kept_samples,
+    trace,
+)
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.text.finding import Finding, counted, gravest_first, serious
 from pivident.foundation.text.numbers import with_spread

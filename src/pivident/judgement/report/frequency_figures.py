@@ -10,15 +10,18 @@ import numpy as np
 
 from pivident.estimation.signal_recipes import Algebraic, Bandpass, Decimated
 from pivident.estimation.summary import frequencies_text
-from pivident.foundation.document.figure import (
+from pivident.foundation.document.plot import (
     ERROR,
+    LEGEND,
     MEASURED,
     METHOD_COLOURS,
     Figure,
+    Plot,
+    band,
     colour,
     empty_plot,
+    packed,
 )
-from pivident.foundation.document.plot import LEGEND, Plot, band, packed
 from pivident.foundation.text.numbers import format_significant, plus_minus
 from pivident.signals.algebraic import algebraic_gain
 from pivident.signals.bandpass import bandpass_response

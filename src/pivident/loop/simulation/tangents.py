@@ -40,7 +40,7 @@ from pivident.loop.simulation.path_integration import SLOPE_ROWS
 from pivident.loop.simulation.rigid_body_tangent import BLOCK_LAYERS
 from pivident.loop.simulation.step_tangent import BLOCK_ROWS
 from pivident.loop.simulation.tangent_entries import LawEntries, ModelEntries, law_slope
-from pivident.robot.friction_terms.load import LOAD
+from pivident.robot.friction_terms.coulomb import LOAD
 
 #: Samples of a block: a few MiB of tangents, so that what is done once a block hardly counts.
 TANGENT_BLOCK = 512

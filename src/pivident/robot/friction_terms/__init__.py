@@ -30,15 +30,15 @@ TERM_KINDS: Registry[TermKind] = Registry(
         "offset": "pivident.robot.friction_terms.offset:OFFSET_TERM",
         "asymmetric": "pivident.robot.friction_terms.coulomb:ASYMMETRIC_TERM",
         "stribeck": "pivident.robot.friction_terms.stribeck:STRIBECK_TERM",
-        "power": "pivident.robot.friction_terms.power:POWER_TERM",
+        "power": "pivident.robot.friction_terms.viscous:POWER_TERM",
         "asymmetric_viscous": "pivident.robot.friction_terms.viscous:SLOPES_TERM",
-        "load": "pivident.robot.friction_terms.load:LOAD_TERM",
+        "load": "pivident.robot.friction_terms.coulomb:LOAD_TERM",
         "ripple": "pivident.robot.friction_terms.ripple:RIPPLE_TERM",
         "spring": "pivident.robot.friction_terms.springs:SPRING_TERM",
         "counterbalance": "pivident.robot.friction_terms.springs:STRUT_TERM",
         "dahl": "pivident.robot.friction_terms.presliding:DAHL_TERM",
         "lugre": "pivident.robot.friction_terms.presliding:LUGRE_TERM",
-        "maxwell_slip": "pivident.robot.friction_terms.maxwell_slip:MAXWELL_TERM",
+        "maxwell_slip": "pivident.robot.friction_terms.presliding:MAXWELL_TERM",
     },
 )
 

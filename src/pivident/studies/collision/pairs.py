@@ -11,8 +11,7 @@ import numpy as np
 from pivident.foundation.errors import ExperimentError
 from pivident.robot.description import Joint, Robot
 from pivident.robot.naming import repeated
-from pivident.studies.collision.bodies import Body
-from pivident.studies.collision.obstacles import Obstacle
+from pivident.studies.collision.bodies import Body, Obstacle
 
 #: Postures that show which bodies touch all the time, and their seed.
 POSTURES, SEED = 400, 1

@@ -30,10 +30,17 @@ from pivident.robot.description import Robot
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.naming import nearest
 from pivident.robot.refusals import without_loops
-from pivident.studies.collision.bodies import BASE, BY_HAND, Body, LinkPoses, Outline
+from pivident.studies.collision.bodies import (
+    BASE,
+    BY_HAND,
+    Body,
+    LinkPoses,
+    Obstacle,
+    Outline,
+    ToolBox,
+)
 from pivident.studies.collision.clearances import Clearances
 from pivident.studies.collision.meshes import load_mesh
-from pivident.studies.collision.obstacles import Obstacle, ToolBox
 from pivident.studies.collision.outlines import outline_of
 from pivident.studies.collision.pairs import candidate_pairs, position_ranges
 from pivident.studies.collision.urdf import LinkShape, link_shapes

@@ -13,8 +13,15 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pivident.foundation.document.figure import Figure, colour, empty_plot
-from pivident.foundation.document.plot import LEGEND, Trace, band, packed
+from pivident.foundation.document.plot import (
+    LEGEND,
+    Figure,
+    Trace,
+    band,
+    colour,
+    empty_plot,
+    packed,
+)
 from pivident.foundation.document.table import Table
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.text.identifiers import latex_name, latex_text, one_line

@@ -6,15 +6,19 @@ import html
 
 import numpy as np
 
-from pivident.foundation.document.figure import (
+from pivident.foundation.document.plot import (
     ERROR,
+    LEGEND,
     MEASURED,
     METHOD_COLOURS,
     Figure,
+    Plot,
+    band,
     colour,
     empty_plot,
+    kept_samples,
+    packed,
 )
-from pivident.foundation.document.plot import LEGEND, Plot, band, kept_samples, packed
 from pivident.foundation.text.numbers import format_significant, percent
 from pivident.judgement.validation.parameter_correlation import ParameterCorrelation
 from pivident.studies.excitation.design import PAGE_RATE, Design

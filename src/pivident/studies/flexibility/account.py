@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from pivident.foundation.document.figure import MEASURED, METHOD_COLOURS, Figure
-from pivident.foundation.document.plot import trace
+from pivident.foundation.document.plot import MEASURED, METHOD_COLOURS, Figure, trace
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.text.plain_values import plain
 from pivident.judgement.report.audit_account import audit_plot

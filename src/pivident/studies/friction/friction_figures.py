@@ -7,8 +7,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.foundation.document.figure import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
-from pivident.foundation.document.plot import LEGEND, Plot, band, colour_scale, kept_samples, packed
+from pivident.foundation.document.plot import (
+    ERROR,
+    LEGEND,
+    MEASURED,
+    METHOD_COLOURS,
+    Figure,
+    Plot,
+    band,
+    colour_scale,
+    empty_plot,
+    kept_samples,
+    packed,
+)
 from pivident.foundation.text.numbers import format_significant
 from pivident.studies.friction.effects import FrictionFinding, pm
 from pivident.studies.friction.friction_map import FrictionMap

@@ -6,8 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from pivident.foundation.document.figure import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
-from pivident.foundation.document.plot import LEGEND, Plot, packed
+from pivident.foundation.document.plot import (
+    ERROR,
+    LEGEND,
+    MEASURED,
+    SHADE,
+    Figure,
+    Plot,
+    colour,
+    empty_plot,
+    packed,
+)
 from pivident.foundation.text.numbers import format_significant, percent
 from pivident.judgement.report.identification_figures import residual_figure
 from pivident.judgement.report.sections.base import Section, SignalSection

@@ -12,7 +12,7 @@ from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.thinning import POSITIONS, TORQUES, Thinning, means_at
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.summary import held_lines, parameter_texts, simulation_heading
-from pivident.foundation.document.figure import ERROR, MEASURED, Figure, colour, empty_plot, line
+from pivident.foundation.document.plot import ERROR, MEASURED, Figure, colour, empty_plot, line
 from pivident.foundation.text.numbers import format_significant
 from pivident.judgement.report.sections.base import Gallery, Section
 from pivident.judgement.validation.residuals.residual_tests import simulation_whiteness
