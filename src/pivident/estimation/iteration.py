@@ -110,8 +110,7 @@ class Signals:
         """Smooth all recordings by the method's recipe."""
         kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
         limits = [problem.speed_limits(r) for r in problem.recordings]
-        first = estimate_without_load(problem, kinematics, limits)
-        return cls(problem, kinematics, limits, first)
+        return cls(problem, kinematics, limits, estimate_without_load(problem, kinematics, limits))
 
     def with_kinematics(self, kinematics: list[Kinematics]) -> Signals:
         """The same with other measured motions, where the instruments come with their own."""

@@ -175,8 +175,7 @@ class TorqueSums(Displayed):
 
         ``base``: all base parameters, shape (base,).
         """
-        value = self.square - 2.0 * self.moment @ base + base @ self.gram @ base
-        return max(float(value), 0.0)
+        return max(float(self.square - 2.0 * self.moment @ base + base @ self.gram @ base), 0.0)
 
     def relative_error(self, base: np.ndarray) -> float:
         """‖τ - Φβ‖/‖τ‖ over all joints, weighted by joint, 0 to 1 and more.

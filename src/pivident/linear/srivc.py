@@ -131,8 +131,7 @@ def srivc(
     def refined(data: SampledData, structure: Structure) -> Refined:
         return refined_from_data(data, structure, tolerance, max_iterations, svf_pole)
 
-    method = "SRIVC" if external is None else "CLSRIVC"
-    return _estimate(method, data, structure, refined, offset)
+    return _estimate("SRIVC" if external is None else "CLSRIVC", data, structure, refined, offset)
 
 
 def _estimate(
@@ -409,8 +408,7 @@ def rivc(
             fit_noise=_noise_fit(white.residual, noise_order),
         )
 
-    method = "RIVC" if external is None else "CLRIVC"
-    return _estimate(method, data, structure, refined, offset)
+    return _estimate("RIVC" if external is None else "CLRIVC", data, structure, refined, offset)
 
 
 def _noise_fit(residual: np.ndarray, noise_order: tuple[int, int] | None) -> NoiseFit:

@@ -305,8 +305,7 @@ def _members(
             if names[k] in held or k == base:
                 members.append(_fixed(names[k], parent, placed, link))
             else:
-                joint = _joint(model, k, names[k], parent, placed, friction)
-                members.append(Member(joint, link))
+                members.append(Member(_joint(model, k, names[k], parent, placed, friction), link))
             parent, pose = len(members) - 1, back
         last[b] = parent, pose
     return members, last

@@ -60,8 +60,7 @@ def _limits(joint: Joint) -> tuple[str, str]:
     scale, unit = (180.0 / math.pi, "°") if revolute else (1.0, " m")
     limits = joint.position_limits
     reach = "–" if limits is None else f"{scale * limits[0]:.4g} … {scale * limits[1]:.4g}{unit}"
-    speed = "–" if joint.rated_speed is None else f"{scale * joint.rated_speed:.4g}{unit}/s"
-    return reach, speed
+    return reach, "–" if joint.rated_speed is None else f"{scale * joint.rated_speed:.4g}{unit}/s"
 
 
 def _drives(robot: Robot) -> str:

@@ -188,8 +188,7 @@ def _check_mark(view: View) -> str:
     counted = [f"{mark}{many}" for mark, many in (("×", errors), ("!", warnings)) if many]
     if counted:
         return " ".join(counted)
-    done = view.check and not view.check.get("error") and view.content.has_recording
-    return "✓" if done else ""
+    return "✓" if view.check and not view.check.get("error") and view.content.has_recording else ""
 
 
 def _runs_mark(view: View) -> str:
@@ -359,8 +358,7 @@ def _about(project: Project) -> Iterator[str]:
         return
     yield robot or "no robot yet"
     results = project.folder / RESULTS
-    many = sum(p.is_dir() for p in results.iterdir()) if results.is_dir() else 0
-    yield plural(many, "result")
+    yield plural(sum(p.is_dir() for p in results.iterdir()) if results.is_dir() else 0, "result")
 
 
 def _quoted(name: str) -> str:

@@ -74,8 +74,7 @@ class BadSamples:
 
     def within(self, start: int, stop: int) -> BadSamples:
         """The fault in a part of the log, by the numbers of its samples."""
-        inside = self.rows[(self.rows >= start) & (self.rows < stop)]
-        return replace(self, rows=inside - start)
+        return replace(self, rows=self.rows[(self.rows >= start) & (self.rows < stop)] - start)
 
 
 def bad_samples(

@@ -198,8 +198,7 @@ def _variances(columns: np.ndarray, residual: np.ndarray) -> np.ndarray:
     scaled = columns / scale
     (windows,) = windows_of([residual.size])
     sums = JointSums.empty("", np.arange(scale.size), windows.count)
-    shares = list(windows.shares(slice(0, residual.size)))
-    sums.add(scaled.T, None, residual, None, shares)
+    sums.add(scaled.T, None, residual, None, list(windows.shares(slice(0, residual.size))))
     robust = sandwich([sums], np.zeros(scale.size), np.ones(1))
     freedom = max(residual.size - scale.size, 1)
     white = np.linalg.pinv(scaled.T @ scaled, hermitian=True) * (residual @ residual) / freedom

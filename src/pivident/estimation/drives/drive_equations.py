@@ -105,9 +105,7 @@ def drive_sums(
             span = slice(start, min(start + BLOCK, own.samples))
             shares = list(own.shares(span))
             phi = packed_stretch(regressor, k, span)
-            z = phi
-            if motion is not None:
-                z = packed_stretch(regressor, motion, span)
+            z = phi if motion is None else packed_stretch(regressor, motion, span)
             for m in range(robot.size):
                 sums[record.load][m].add(
                     motor_rows(regressor, rows[m], columns[m], phi),

@@ -200,8 +200,7 @@ def _of_drives(groups: Sequence[GainGroup], base: int) -> list[GainGroup]:
     for group in groups:
         motors = tuple(m - base for m in group.motors if m >= base)
         if motors:
-            reference = max(group.reference - base, motors[0])
-            found.append(GainGroup(motors, group.anchored, reference))
+            found.append(GainGroup(motors, group.anchored, max(group.reference - base, motors[0])))
     return found
 
 

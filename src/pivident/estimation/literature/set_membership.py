@@ -228,8 +228,7 @@ class _Program:
                 )
             if not self._add(self.basis.theta / self.scale):
                 self.lasting |= set(self.basis.rows.tolist())
-                least = lower_bound(self.tau, self.bound, self.basis)
-                return sign * least / float(self.scale[i])
+                return sign * lower_bound(self.tau, self.bound, self.basis) / float(self.scale[i])
 
     def _first_basis(self) -> Basis:
         """Independent rows, of some that are spread over the record, or else of all."""

@@ -252,8 +252,7 @@ def draft_experiment(
             findings = try_out(text, out, findings, say)
     robot_part = [a for a in lines if a.table == "robot"]
     rest = [a for a in lines if a.table != "robot"]
-    assumptions = (*robot_part, *recordings[0], *rest)
-    return Draft(text, assumptions, findings.troubles, findings.explained)
+    return Draft(text, (*robot_part, *recordings[0], *rest), findings.troubles, findings.explained)
 
 
 def relative_path(path: Path, out: Path) -> str:

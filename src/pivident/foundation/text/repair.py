@@ -273,8 +273,7 @@ class Repair:
             ValueError: it has another form.
         """
         try:
-            edits = tuple(_edit_of(edit) for edit in content["edits"])
-            return cls(edits, str(content["words"]))
+            return cls(tuple(_edit_of(edit) for edit in content["edits"]), str(content["words"]))
         except (KeyError, TypeError, AttributeError):
             raise ValueError("this is no repair") from None
 

@@ -200,8 +200,7 @@ def _edit(edit: Edit, problem: Problem) -> Problem:
         case ("identify", "parameters"):
             return problem.estimating(value)
         case (*table, "part") if table[:1] == list(RECORDING):
-            parts = tuple(r.slice(*value) for r in problem.recordings)
-            return replace(problem, recordings=parts)
+            return replace(problem, recordings=tuple(r.slice(*value) for r in problem.recordings))
         case (*table, "delay" | "drive_delay" | "torque_timing" as key) if table[:1] == list(
             RECORDING
         ):

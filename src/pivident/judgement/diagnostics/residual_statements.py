@@ -114,8 +114,7 @@ def spectral_lines(result: Identification) -> Iterator[Finding]:
     }
     if found:
         text = "The encoders' noise has spectral lines, which the smoother has taken into account"
-        message = f"{text}: {listed(sorted(found))}."
-        yield Finding("note", "encoders", "spectral lines", message)
+        yield Finding("note", "encoders", "spectral lines", f"{text}: {listed(sorted(found))}.")
 
 
 def _position_units(result: Identification) -> list[str]:

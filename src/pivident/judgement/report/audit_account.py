@@ -81,8 +81,7 @@ def grid_figure(audit: Audit) -> Figure | None:
     y = {"type": "log", "rangemode": "tozero"}
     plot = audit_plot("levels over the range", traces=[bars], y=y)
     note = "steps of the grid that the values lie on; fewer levels make rougher derivatives"
-    label = f"Levels of {len(grids)} quantised signals"
-    return Figure(plot, 280, "Quantisation", label, note)
+    return Figure(plot, 280, "Quantisation", f"Levels of {len(grids)} quantised signals", note)
 
 
 def steps_figures(audit: Audit) -> list[Figure]:

@@ -106,8 +106,7 @@ def make_metric(
         spread = size[:, None] * np.linalg.inv(lower).T
         root[np.ix_(left_out, left_out)] = spread
         root[np.ix_(estimated, left_out)] = -absorbed @ spread
-    center = estimated_in_base(identification, base)
-    return Metric(base, estimated, center, root, tuple(notes))
+    return Metric(base, estimated, estimated_in_base(identification, base), root, tuple(notes))
 
 
 def full_covariance(identification: Identification) -> tuple[np.ndarray, bool]:

@@ -108,8 +108,7 @@ def _pairs(robot: Robot, closure: Closure, turns: bool) -> list[tuple[str, str, 
     half_turn = np.round(ends[1].rotation.T @ ends[0].rotation)
     one, two = closure.frames
     if closure.kind == "full":
-        turned = Pose(two.rotation @ half_turn, two.translation)
-        return [(closure.name, "weld", (one, turned))]
+        return [(closure.name, "weld", (one, Pose(two.rotation @ half_turn, two.translation)))]
     sides = 1.0, float(half_turn[2, 2])
     points = tuple(
         Pose(f.rotation, f.translation + side * ALONG * f.rotation[:, 2])

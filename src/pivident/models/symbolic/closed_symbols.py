@@ -208,8 +208,7 @@ def _typed(
     elif len(joints) == 1 and isinstance(own[0].axes, int):
         solutions = alone(ends, own[0].axes, every, joints[0], posture)
     places = list(robot.places)
-    names = [f"q{i + 1}" for i in places]
-    return chosen_solution(solutions, names, samples[:, places], samples)
+    return chosen_solution(solutions, [f"q{i + 1}" for i in places], samples[:, places], samples)
 
 
 def _counting_turns(robot: Robot) -> set[int]:

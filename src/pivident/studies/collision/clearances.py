@@ -138,10 +138,9 @@ class Clearances(Displayed):
             or pair.body is None
             or frozenset((pair.body.name, pair.other.name)) not in apart
         ]
-        made = cls(
+        return cls(
             robot, tuple(pairs), floor, tool_box, bodies=tuple(bodies), obstacles=tuple(obstacles)
-        )
-        return made._without_constant_pairs()
+        )._without_constant_pairs()
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -103,8 +103,7 @@ def render_page(comparison: ComparedResults) -> str:
             body = environment.get_template(f"compare_{key}.html").render(content)
             sections.append((key, heading, Markup(body)))
     robots = ", ".join(dict.fromkeys(e.robot.name for e in comparison.entries))
-    title = f"{robots}: {len(comparison.entries)} results compared"
-    return page_of(environment, title, sections)
+    return page_of(environment, f"{robots}: {len(comparison.entries)} results compared", sections)
 
 
 def friction_figure(comparison: ComparedResults, joint: JointFriction) -> Figure:

@@ -89,8 +89,7 @@ class TorqueModel:
         if self.covariance is None:
             return np.zeros(phi.shape[:2]), None
         spread = phi @ self.covariance
-        variance = np.einsum("tjp,tjp->tj", spread, phi)
-        return MARGIN * np.sqrt(np.maximum(variance, 0.0)), spread
+        return MARGIN * np.sqrt(np.maximum(np.einsum("tjp,tjp->tj", spread, phi), 0.0)), spread
 
 
 @dataclass(frozen=True, eq=False)

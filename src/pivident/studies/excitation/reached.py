@@ -174,8 +174,7 @@ def reached_errors(
     found = []
     for file in dict.fromkeys(f for f in files if f is not None):
         own = [r for f, r in zip(files, recordings, strict=True) if f == file]
-        others = len(recordings) - len(own)
-        found.append(_of_design(load_design(file), file, own, others, result))
+        found.append(_of_design(load_design(file), file, own, len(recordings) - len(own), result))
     return tuple(found)
 
 

@@ -262,8 +262,7 @@ def _orders(
 
 def _lag(fit: DeflectionFit, motion: DeflectionMotion) -> Measured:
     """Delay of the link encoder: the applied shift plus the remaining lag [s]."""
-    lag = motion.retimed + fit.value("speed")
-    return Measured.around(lag, fit.std("speed"), "s", STUDENT)
+    return Measured.around(motion.retimed + fit.value("speed"), fit.std("speed"), "s", STUDENT)
 
 
 def _torque_changes_sides(torque: np.ndarray) -> bool:

@@ -356,8 +356,7 @@ def _stiffness_and_inertias(
     if two_mass is not None:
         joint = two_mass.joint
         if min(joint.stiffness, joint.motor_inertia, joint.load_inertia) > 0:
-            damping = max(joint.damping, 0.0)
-            return joint.stiffness, joint.motor_inertia, joint.load_inertia, damping
+            return joint.stiffness, joint.motor_inertia, joint.load_inertia, max(joint.damping, 0.0)
     if resonance is not None and resonance.seen:
         assert resonance.stiffness and resonance.motor_inertia and resonance.load_inertia
         assert resonance.damping

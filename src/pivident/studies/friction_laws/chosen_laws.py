@@ -66,8 +66,7 @@ class TriedRange:
             max(low[~h].min() - low[h].min(), high[h].max() - high[~h].max(), 0.0) for h in held
         )
         units = ("rad", "N m") if kind == "revolute" else ("m", "N")
-        travel = (float(low.min()), float(high.max()))
-        return cls(*units, *faster, *heavier, float(farther), travel)
+        return cls(*units, *faster, *heavier, float(farther), (float(low.min()), float(high.max())))
 
     def __str__(self) -> str:
         number = format_significant

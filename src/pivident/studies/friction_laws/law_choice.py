@@ -255,8 +255,7 @@ def choose_laws(
             own = {k: v for k, v in own.items() if k not in load_and_memory()}
         own |= (more or {}).get(name, {})
         judges.append(JointJudge(last, robot, j, cells, by_joint, found.theta, band))
-        tests = max(len(own) * len(numbers), 1)
-        grown.append(_grown(judges[-1], name, own, depth, tests, say))
+        grown.append(_grown(judges[-1], name, own, depth, max(len(own) * len(numbers), 1), say))
     say("fitting the chosen laws of all joints together")
     settled, dropped = settled_together(AllJoints(judges, by_joint), [path for _, path in grown])
     made, laws = [], dict[str, FrictionLaw]()
@@ -273,8 +272,7 @@ def choose_laws(
             laws[name] = chosen.law
     chosen_problem = with_laws(problem, laws) if laws else problem
     alone = [j.joint for j, judge in zip(made, judges, strict=True) if judge.is_alone]
-    held_out = cells.in_words(alone)
-    return LawChoice(chosen_problem, tuple(made), found.method, held_out, gap, band)
+    return LawChoice(chosen_problem, tuple(made), found.method, cells.in_words(alone), gap, band)
 
 
 def with_laws(problem: Problem, laws: Mapping[str, FrictionLaw]) -> Problem:

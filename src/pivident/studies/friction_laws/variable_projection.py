@@ -105,8 +105,7 @@ class SeparableSearch:
         if u.size == 1:
             return []
         lines = [[c.coordinate(float(v)) for v in c.grid()[1::2]] for c in self.rows.constants]
-        points = [np.array(point) for point in product(*lines)]
-        return sorted(points, key=self.criterion)[:STARTS]
+        return sorted([np.array(point) for point in product(*lines)], key=self.criterion)[:STARTS]
 
     def criterion(self, u: np.ndarray) -> float:
         """C at coordinates u, θ being the least-squares solution."""

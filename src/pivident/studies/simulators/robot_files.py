@@ -95,8 +95,7 @@ def fitted_urdf(fit: SimulatorFit, original: Path) -> RobotFile:
         elif values:
             damping, friction = (float(values.get(k, "0")) for k in ("damping", "friction"))
             text.append(element, [dynamics_line(damping, friction)])
-    sentences = _not_in_file(fit, ("damping", "frictionloss"), "URDF")
-    return RobotFile(text.content(), tuple(sentences))
+    return RobotFile(text.content(), tuple(_not_in_file(fit, ("damping", "frictionloss"), "URDF")))
 
 
 def isaac_actuators(fit: SimulatorFit, physics_step: float | None = None) -> RobotFile:

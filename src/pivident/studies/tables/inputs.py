@@ -188,8 +188,7 @@ def audit_findings(audit: Audit) -> Table:
         "severity", "topic", "kind", "subject", "value", "low", "high", "bound", "unit", "t_s",
         "message", "next_step",
     )  # fmt: skip
-    meanings = {"bound": "value from which it would be worse"}
-    return Table.of_rows("findings", rows, meanings, empty)
+    return Table.of_rows("findings", rows, {"bound": "value from which it would be worse"}, empty)
 
 
 def _quantity(decisive: Quantity | None) -> dict[str, float | str]:

@@ -60,8 +60,7 @@ def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
         name="95 % of a white residual",
     )
     name = "whitened" if both else "residual"
-    own = ERROR if both else colour(method)
-    _line(plot, white, white.density / level, name, own, 1.4, axis)
+    _line(plot, white, white.density / level, name, ERROR if both else colour(method), 1.4, axis)
     outside = 100.0 * white.outside(level)
     most = int(np.argmax(white.density))
     note = (

@@ -98,8 +98,7 @@ class PredictionError(Displayed):
     @property
     def total_moving_in_band(self) -> float:
         """Error over all joints, below ``band``, without what standstill adds to it [%]."""
-        moving = self.moving_in_band * self.torque_in_band / 100.0
-        return self._total(moving, self.torque_in_band)
+        return self._total(self.moving_in_band * self.torque_in_band / 100.0, self.torque_in_band)
 
     @property
     def typical_moving_in_band(self) -> float:

@@ -294,8 +294,7 @@ def _drivers(identification: Identification, j: int) -> np.ndarray:
     parts = []
     for r in identification.recordings:
         used = np.isfinite(r.whitened[:, j])
-        signals = (r.dq[used, j], r.ddq[used, j], r.tau_model[used, j])
-        parts.append(np.abs(np.column_stack(signals)))
+        parts.append(np.abs(np.column_stack((r.dq[used, j], r.ddq[used, j], r.tau_model[used, j]))))
     return np.concatenate(parts)
 
 

@@ -324,10 +324,9 @@ def identify_fleet(
             if len(store.programs()) > 1:
                 say(f"{title}: {CHANGED}")
         if missing:
-            runner = Runner(
+            Runner(
                 Task.of(template), store, pool, work, lost_log, title, len(logs), say, "logs"
-            )
-            runner.compute(missing)
+            ).compute(missing)
         rows = store.rows(digests)
     return Fleet(template, tuple(logs), axis, rows, store)
 
