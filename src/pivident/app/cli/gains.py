@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,7 +39,7 @@ def gains(
     """
     from pivident.experiment.experiment import load_experiment
     from pivident.experiment.gains_table import gains_of, lines_for_file
-    from pivident.foundation.files import check_output
+    from pivident.foundation.files import check_output, write_file
 
     if out is not None and out.exists():
         raise ExperimentError(f"{out} is there already", advice="name another file for the gains")
@@ -62,16 +61,8 @@ def gains(
     if out is not None:
         if not lines:
             raise ExperimentError(f"no gain is known, so there is nothing to write to {out}")
-        _write(out, lines)
+        write_file(out, "\n".join(lines) + "\n")
     return 0
-
-
-def _write(out: Path, lines: Sequence[str]) -> None:
-    """Write the lines for the experiment file, all or nothing."""
-    from pivident.foundation.files import atomic_folder
-
-    with atomic_folder(out.parent) as build:
-        (build / out.name).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def gains_text(found: GainsOfExperiment) -> str:

@@ -111,7 +111,7 @@ def run_init(
     """
     from pivident.app.cli.compile_ahead import compile_in_first_run
     from pivident.experiment.init.draft import draft_experiment
-    from pivident.foundation.files import atomic_folder
+    from pivident.foundation.files import write_file
 
     check_target(out, logs, robot, force)
     compile_in_first_run()
@@ -135,8 +135,7 @@ def run_init(
             break
         for question in open_questions:
             answers[question.about] = _asked(question)
-    with atomic_folder(out.absolute().parent) as build:
-        (build / out.name).write_text(draft.text, encoding="utf-8")
+    write_file(out, draft.text)
     print_draft(draft, out)
     return not draft.troubles
 

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from pivident.app.cli.console import Progress, note
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.files import atomic_folder
+from pivident.foundation.files import write_file
 from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:
@@ -84,8 +84,7 @@ def laws(
     print(f"\n{checked}")
     lines = choice.toml()
     if lines and out is not None:
-        with atomic_folder(out.parent) as build:
-            (build / out.name).write_text(f"{lines}\n", encoding="utf-8")
+        write_file(out, f"{lines}\n")
     if not lines:
         note("no law predicts significantly better than the present ones")
     else:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -212,11 +211,9 @@ class Table(Displayed):
         columns = [column.written() for column in self._columns.values()]
         text = csv_table(self.columns, zip(*columns, strict=True))
         if path is not None:
-            from pivident.foundation.files import atomic_folder
+            from pivident.foundation.files import write_file
 
-            target = Path(path)
-            with atomic_folder(target.parent) as build:
-                (build / target.name).write_text(text, "utf-8", errors="backslashreplace")
+            write_file(path, text, errors="backslashreplace")
         return text
 
     def to_latex(self, comment: str = "") -> str:

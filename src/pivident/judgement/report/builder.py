@@ -38,7 +38,7 @@ from pivident.foundation.document.plot import (
     to_json,
 )
 from pivident.foundation.errors import Attempts, PividentError, in_words, require_kind
-from pivident.foundation.files import atomic_folder, keep
+from pivident.foundation.files import keep, write_file
 from pivident.foundation.text.identifiers import identifier
 from pivident.foundation.text.numbers import format_exact, format_significant, percent, with_spread
 from pivident.foundation.text.plain_values import write_json
@@ -141,8 +141,7 @@ def write_report(
         designs=designs,
         attempts=attempts,
     )
-    with atomic_folder(path.parent) as build:
-        (build / path.name).write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+    write_file(path, page, errors="xmlcharrefreplace")
     return path
 
 
@@ -336,6 +335,5 @@ def write_account(
     several = [results] if isinstance(results, Accounted) else results
     documents = [one.account() for one in several]
     page = page_of_documents(documents, names or [str(k + 1) for k in range(len(documents))])
-    with atomic_folder(path.parent) as build:
-        (build / path.name).write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+    write_file(path, page, errors="xmlcharrefreplace")
     return path

@@ -92,8 +92,7 @@ def _sized(robot: Robot, p: Parameter, part: float) -> tuple[str, float]:
     if part == 0.0:
         return "", 0.0
     joint = robot.joints[p.joint]
-    torque = "N m" if joint.kind == "revolute" else "N"
-    unit = "rad" if joint.kind == "revolute" else "m"
+    torque, unit = joint.torque_unit, joint.position_unit
     speed = joint.rated_speed or SPEED
     own = f"{p.name} {part:.4g} {p.unit}"
     if p.stem in ("ia", "iam"):

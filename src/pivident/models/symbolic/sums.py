@@ -274,11 +274,7 @@ class JointFrame:
 
     def back(self, a: Vector) -> Vector:
         """A vector in the link's frame, seen from the parent's."""
-        return self.unstaged(about_z(self.last, a))
-
-    def unstaged(self, a: Vector) -> Vector:
-        """A vector in the link's frame before its last rotation, seen from the parent's."""
-        return about_z(self.first, about_x(self.tilt, a))
+        return about_z(self.first, about_x(self.tilt, about_z(self.last, a)))
 
     def tensor_back(self, a: Tensor) -> Tensor:
         """A tensor in the link's frame, seen from the parent's."""

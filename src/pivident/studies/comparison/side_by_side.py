@@ -134,11 +134,6 @@ def condition_text(entry: Entry) -> str:
     return format_significant(entry.condition)
 
 
-def ending_text(entry: Entry) -> str:
-    """Whether the iteration converged, in a word."""
-    return {None: "–", True: "yes", False: "NO"}[entry.converged]
-
-
 def record_text(entry: Entry) -> str:
     """The record by the hashes of its files."""
     return " ".join(digest[:HASH] for digest in entry.inputs.values()) or "not known"
@@ -154,7 +149,7 @@ def _fit_columns(comparison: ComparedResults) -> list[Column]:
         ("torque error", ">", [share_text(e.relative_error) for e in entries]),
         ("condition", ">", [condition_text(e) for e in entries]),
         ("rows", ">", rows),
-        ("converged", ">", [ending_text(e) for e in entries]),
+        ("converged", ">", [{None: "–", True: "yes", False: "NO"}[e.converged] for e in entries]),
     ]
 
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 import math
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 from pivident.foundation.codec import Layout, decode
 from pivident.foundation.errors import IdentificationFileError, UnusableValue
@@ -54,16 +53,7 @@ def design_json(design: Design) -> str:
     Args:
         design: the design.
     """
-    return json_of_entries(design_values(design))
-
-
-def design_values(design: Design) -> dict[str, Any]:
-    """The design as plain values; numbers that are not finite are None.
-
-    Args:
-        design: the design.
-    """
-    return {**DESIGN.header, "version": __version__, **plain(design)}
+    return json_of_entries({**DESIGN.header, "version": __version__, **plain(design)})
 
 
 def load_design(path: str | PathLike[str]) -> Design:

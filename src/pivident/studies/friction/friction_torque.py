@@ -87,7 +87,7 @@ def friction_torques(
     ``standstill`` is a share of the rated speed (None: 1 %), ``band`` the half-power frequency of
     load and acceleration [Hz] (None: the highest frequency of the motion, 20 Hz).
     """
-    rigid = _rigid_theta(identification)
+    rigid = np.where([p.carries_load for p in identification.parameters], identification.theta, 0.0)
     regressor = regressor_of(identification.robot, identification.parameters)
     records = _kinematics(problem, identification)
     slow = _standstill(problem, standstill)
@@ -107,12 +107,11 @@ def friction_torques(
     load_std = _rigid_standard_error(identification, regressor, q, dq, ddq)
     friction = []
     for j, joint in enumerate(problem.robot.joints):
-        revolute = joint.kind == "revolute"
         friction.append(
             FrictionTorque(
                 name=joint.name,
-                torque_unit="N m" if revolute else "N",
-                position_unit="rad" if revolute else "m",
+                torque_unit=joint.torque_unit,
+                position_unit=joint.position_unit,
                 rate=records[0].recording.rate,
                 t=t,
                 q=q[:, j],
@@ -137,11 +136,6 @@ def _smoothed(x: np.ndarray, rate: float, band: float) -> np.ndarray:
 
     width = np.sqrt(np.log(2.0)) / (2.0 * np.pi * band) * rate
     return gaussian_filter1d(x, width, axis=0, mode="nearest")
-
-
-def _rigid_theta(found: Identification) -> np.ndarray:
-    """The estimate with all friction set to zero."""
-    return np.where([p.carries_load for p in found.parameters], found.theta, 0.0)
 
 
 def _coupling_theta(found: Identification) -> np.ndarray:

@@ -321,10 +321,10 @@ def _at_rest(robot: Robot, still: np.ndarray, residual: np.ndarray) -> list[Find
             continue
         there, moving = (float(np.sqrt(np.mean(residual[own, j] ** 2))) for own in (rest, ~rest))
         if there > WORSE * moving:
-            unit = "N m" if joint.kind == "revolute" else "N"
             named.append(
-                f"{joint.name} {format_significant(there)} {unit} in {percent(100 * share)} of the "
-                f"samples, {format_significant(moving)} {unit} in motion"
+                f"{joint.name} {format_significant(there)} {joint.torque_unit} in "
+                f"{percent(100 * share)} of the samples, "
+                f"{format_significant(moving)} {joint.torque_unit} in motion"
             )
     if not named:
         return []

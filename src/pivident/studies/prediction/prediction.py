@@ -193,7 +193,7 @@ class Prediction(Accounted):
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each joint's torque."""
-        return tuple("N m" if j.kind == "revolute" else "N" for j in self.robot.joints)
+        return tuple(joint.torque_unit for joint in self.robot.joints)
 
     def account(self) -> Document:
         """Errors of each joint and what they are, the torques over time, the findings."""

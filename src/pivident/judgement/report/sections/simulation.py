@@ -124,7 +124,7 @@ class SimulationSection(Section):
                     "joints": _joints(identification, simulation),
                     "parameters": [(p, parameter_texts(p)) for p in simulation.loop_parameters],
                     "held": held_lines(simulation),
-                    "compared_to": _bandwidth(identification),
+                    "compared_to": float(identification.options.get("bandwidth", np.nan)),
                     "gallery": self._gallery(k, identification, simulation),
                 }
             )
@@ -173,8 +173,3 @@ def _joints(identification: Identification, simulation: SimulationResult) -> lis
             zip(identification.joints, identification.robot.joints, strict=True)
         )
     ]  # fmt: skip
-
-
-def _bandwidth(identification: Identification) -> float:
-    """Frequency up to which errors are compared [Hz], NaN where it is not known."""
-    return float(identification.options.get("bandwidth", np.nan))

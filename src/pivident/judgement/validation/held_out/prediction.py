@@ -251,7 +251,7 @@ class Judge:
         known = np.sqrt(np.maximum(valid.mean(axis=0), 1.0 / len(valid)))
         return PredictionError(
             joint_names=self.recording.joint_names,
-            units=tuple("N m" if j.kind == "revolute" else "N" for j in robot.joints),
+            units=tuple(joint.torque_unit for joint in robot.joints),
             rms=_rms(residual) / known,
             torque=_rms(self.kinematics.tau.T[span]),
             rms_in_band=_rms(low) / known,

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.experiment.missing_torque import TEMPERATURE, without_temperature
@@ -116,14 +115,9 @@ def _problem(template: Template, log: FleetLog) -> tuple[Problem, np.ndarray | N
     recordings = experiment.recordings()
     temperatures = None
     if template.fleet.temperature is not None:
-        temperatures = _mean_temperatures(recordings)
+        temperatures = np.concatenate([r.inputs[TEMPERATURE] for r in recordings]).mean(axis=0)
         recordings = tuple(without_temperature(r) for r in recordings)
     return experiment.problem(recordings=recordings), temperatures
-
-
-def _mean_temperatures(recordings: tuple[Recording, ...]) -> np.ndarray:
-    """Mean over all samples, shape (joints,), in the unit of the log."""
-    return np.concatenate([r.inputs[TEMPERATURE] for r in recordings]).mean(axis=0)
 
 
 def _parameters(found: Identification, temperatures: np.ndarray | None) -> list[Row]:
