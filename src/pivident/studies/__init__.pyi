@@ -17,7 +17,7 @@ from .excitation.design import LimitUse as LimitUse
 from .excitation.design import PredictedError as PredictedError
 from .excitation.design_file import DesignFileError as DesignFileError
 from .excitation.design_file import load_design as load_design
-from .excitation.design_folder import write_design as write_design
+from .excitation.design_file import write_design as write_design
 from .excitation.design_motion import design_motion as design_motion
 from .excitation.followed_motion import FollowedMotion as FollowedMotion
 from .excitation.followed_motion import followed_motion as followed_motion

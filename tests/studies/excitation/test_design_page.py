@@ -13,7 +13,7 @@ from pivident.studies.excitation.design_figures import (
     motion_figure,
     predicted_correlation,
 )
-from pivident.studies.excitation.design_folder import write_design
+from pivident.studies.excitation.design_file import write_design
 from pivident.studies.excitation.design_view import (
     DesignFile,
     next_commands,

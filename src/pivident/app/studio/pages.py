@@ -15,7 +15,6 @@ from markupsafe import Markup
 from pivident.app.studio.assets import templates
 from pivident.app.studio.drafting import ROBOT
 from pivident.app.studio.gate import check_context
-from pivident.app.studio.methods import method_context
 from pivident.app.studio.projects import (
     RESULTS,
     TEST_LOGS,
@@ -29,7 +28,7 @@ from pivident.app.studio.row_groups import row_groups
 from pivident.app.studio.rows import addable
 from pivident.app.studio.run_folder import read_object
 from pivident.app.studio.studio import Studio
-from pivident.app.studio.view import View
+from pivident.app.studio.view import View, method_context
 from pivident.data.logs.tables.tables import is_log
 from pivident.foundation.text.numbers import bytes_in_words
 from pivident.foundation.text.plain_values import strict_json

@@ -39,7 +39,6 @@ from pivident.app.studio.access import (
     RunRequest,
     Text,
 )
-from pivident.app.studio.archive import open_archive, pack
 from pivident.app.studio.assets import ASSETS, asset
 from pivident.app.studio.pages import front_page, one_piece, project_page, state
 from pivident.app.studio.projects import Changed, Project, ProjectError
@@ -254,7 +253,7 @@ async def _open_archive(request: Request) -> Response:
     with TemporaryDirectory(dir=studio.projects.root, prefix=".archive-") as folder:
         path = Path(folder) / "archive.zip"
         await uploads.receive(path, request.stream(), _declared(request))
-        project = await run_in_threadpool(open_archive, studio.projects, path, name)
+        project = await run_in_threadpool(uploads.open_archive, studio.projects, path, name)
     return _done(to=studio.address(project))
 
 
@@ -356,7 +355,7 @@ def _archive(request: Request) -> Response:
     project, query = _project_of(request), request.query_params
     folder = TemporaryDirectory(dir=project.folder, prefix=".archive-")
     try:
-        path = pack(
+        path = uploads.pack(
             project,
             Path(folder.name) / "archive.zip",
             logs=query.get("logs") == "1",

@@ -28,8 +28,7 @@ from pivident.experiment.init.assumption import (
     Question,
     experiment_text,
 )
-from pivident.experiment.init.given_robot import GivenRobot
-from pivident.experiment.init.kept_joints import RobotFile, robot_file
+from pivident.experiment.init.kept_joints import GivenRobot, RobotFile, robot_file
 from pivident.experiment.init.log_files import read_runs
 from pivident.experiment.init.recording_lines import RecordingLines, recording_lines
 from pivident.experiment.init.trial import Findings, try_out
