@@ -217,8 +217,7 @@ def durbin_wu_hausman(
     total, rows = 0.0, 0
     for joint, lam in zip(sums, variance, strict=True):
         both = np.r_[joint.columns, size + joint.columns]
-        block = np.block([[joint.ff, joint.zf.T], [joint.zf, joint.zz]])
-        gram[np.ix_(both, both)] += block / lam
+        gram[np.ix_(both, both)] += np.block([[joint.ff, joint.zf.T], [joint.zf, joint.zz]]) / lam
         right[both] += np.r_[joint.ft, joint.zt] / lam
         total += joint.residual_sum(freedom.offset) / lam
         rows += joint.rows

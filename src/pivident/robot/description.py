@@ -223,9 +223,7 @@ class Robot(Printed):
     @property
     def places(self) -> tuple[int, ...]:
         """Index of each joint in the `tree`."""
-        if self.constraints is None:
-            return tuple(range(self.size))
-        return self.constraints.places
+        return tuple(range(self.size)) if self.constraints is None else self.constraints.places
 
     @property
     def with_motors(self) -> tuple[int, ...]:

@@ -144,8 +144,7 @@ def run_experiment(
         if experiment.has_open_friction:
             from pivident.studies.friction.bearing_friction import bearing_friction
 
-            recipe = experiment.methods(["ls"])["ls"]
-            problem = bearing_friction(problem, recipe, progress.say)
+            problem = bearing_friction(problem, experiment.methods(["ls"])["ls"], progress.say)
         if experiment.content.identify.shapes == "identify":
             from pivident.studies.friction_laws.shapes import identify_shapes
 

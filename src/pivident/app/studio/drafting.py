@@ -110,9 +110,7 @@ def _unreadable(project: Path, logs: Sequence[str], column_names: Sequence[str])
 
 def _in_project(project: Path, robot: str | None) -> str | None:
     """A robot file of the project with its path, anything else as it is."""
-    if robot is not None and (project / robot).is_file():
-        return str(project / robot)
-    return robot
+    return str(project / robot) if robot is not None and (project / robot).is_file() else robot
 
 
 #: The robot of the gallery, its gains [N m per rad, N m s per rad], and the log [Hz, s].

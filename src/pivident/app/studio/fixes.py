@@ -48,8 +48,7 @@ def fixes(remark: Mapping[str, Any], text: str) -> tuple[Fix, ...]:
     ways: list[Fix] = []
     for content in remark.get("repairs", ()):
         try:
-            repair = Repair.of_json(content)
-            fix = Fix(*edits_for(repair, text, tuple(remark.get("joints", ()))))
+            fix = Fix(*edits_for(Repair.of_json(content), text, tuple(remark.get("joints", ()))))
             works = edited(text, fix.edits) != text
         except (PividentError, ValueError):
             continue

@@ -256,9 +256,7 @@ def _method(name: str) -> str:
 
 def _took(run: dict[str, Any]) -> str:
     """How long it took, once it has ended."""
-    if not (run.get("started") and run.get("ended")):
-        return ""
-    return in_words(seconds_taken(run))
+    return in_words(seconds_taken(run)) if run.get("started") and run.get("ended") else ""
 
 
 def seconds_taken(run: dict[str, Any]) -> float:

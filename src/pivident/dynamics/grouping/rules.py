@@ -305,8 +305,7 @@ class JointRules:
             for axis, q in zip("xyz", self._twist_of_turning()[0], strict=True)
         )
         across = x * x + y * y
-        amounts = self.omega[:, :2] @ [x.value, y.value] / across.value
-        reaction, rows = self._reactions(amounts)
+        reaction, rows = self._reactions(self.omega[:, :2] @ [x.value, y.value] / across.value)
         reaction = reaction or {}
         if z.value:
             rows.append(self.row(mx=1.0, mz=-x / z) | times(reaction, -y / across))

@@ -56,8 +56,7 @@ def solve_correlated(
     used = np.stack([own.used for own in rows.joints])
     theta, passes, converged = start, [], False
     for _ in range(max_iterations):
-        noise = joint_covariance(rows.residuals(theta), used, rows.size)
-        gram, moment = _sums(rows, noise, used)
+        gram, moment = _sums(rows, joint_covariance(rows.residuals(theta), used, rows.size), used)
         scale = np.sqrt(np.diag(gram.sum(axis=0)))
         outer = np.outer(scale, scale)
         whole = gram.sum(axis=0) / outer

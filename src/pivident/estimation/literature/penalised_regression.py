@@ -85,8 +85,7 @@ def solve_ridge(rows: Rows, penalty: float | None) -> tuple[Solved, float]:
         penalty = float(grid[np.argmin([criterion(k) for k in grid])])
     inverse = (vectors / (values + penalty)) @ vectors.T
     theta = inverse @ equations.moment / equations.scale
-    outer = np.outer(equations.scale, equations.scale)
-    covariance = inverse @ equations.gram @ inverse / outer
+    covariance = inverse @ equations.gram @ inverse / np.outer(equations.scale, equations.scale)
     robust = penalised_windows(
         sums, theta, penalty * np.diag(equations.scale**2), np.zeros(rows.size)
     )

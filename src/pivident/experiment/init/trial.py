@@ -125,8 +125,7 @@ def complete_sign(
 
 def _complete_law(robot: Robot) -> FrictionLaw | None:
     """The joints' law with tanh for the sign; None where somebody gave one, or they differ."""
-    laws = {str(joint.friction): joint.friction for joint in robot.joints}
-    (law, *others) = laws.values()
+    (law, *others) = {str(joint.friction): joint.friction for joint in robot.joints}.values()
     signs = [(joint, t) for joint in robot.joints for t in joint.friction.terms if t.has_sign]
     given = any(t.smoothing != "atan" or t.gamma != joint.default_gamma for joint, t in signs)
     if others or given or not signs:

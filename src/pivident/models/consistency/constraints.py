@@ -163,8 +163,7 @@ def coupled_joints(robot: Robot) -> list[tuple[int, ...]]:
     groups: list[set[int]] = []
     for c in robot.couplings:
         touching = [g for g in groups if g & {c.motor, c.joint}]
-        merged = {c.motor, c.joint}.union(*touching)
-        groups = [g for g in groups if g not in touching] + [merged]
+        groups = [g for g in groups if g not in touching] + [{c.motor, c.joint}.union(*touching)]
     return [tuple(sorted(g)) for g in groups]
 
 

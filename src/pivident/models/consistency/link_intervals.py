@@ -93,8 +93,7 @@ def center_of_mass_range(
         for ends, sign in ((low, 1.0), (high, -1.0)):
             solved = lowest(sign * rows[axis] / scale, requirements)
             end = rows[axis] @ solved.u if solved.found else np.nan
-            is_open = solved.unbounded or abs(end) > 0.99 * reach
-            ends[axis] = -sign * np.inf if is_open else end
+            ends[axis] = -sign * np.inf if solved.unbounded or abs(end) > 0.99 * reach else end
     return low, high
 
 

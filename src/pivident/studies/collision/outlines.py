@@ -78,8 +78,7 @@ def outline_of(robot: Robot, given: Iterable[Body] = ()) -> Outline:
     kept = [body for body in found.bodies if body.link not in known]
     remarks = found.remarks
     if found.source == "urdf":
-        covered = known | {body.link for body in kept}
-        more, words = _without_shapes(robot, covered, found.missing)
+        more, words = _without_shapes(robot, known | {body.link for body in kept}, found.missing)
         kept, remarks = [*kept, *more], (*remarks, *words)
     bodies = tuple(sorted([*given, *kept], key=lambda body: body.link))
     twice = repeated([body.name for body in bodies])

@@ -106,8 +106,7 @@ class Information:
         if prefilter.begins_anew and len(prefilter.fir) == 1:
             return rows * (counts / np.sqrt(prefilter.variance))
         samples = rows.shape[1]
-        frequency = np.fft.rfftfreq(samples, 1.0 / self.rate)
-        response = prefilter.response(frequency, self.noise.rate)
+        response = prefilter.response(np.fft.rfftfreq(samples, 1.0 / self.rate), self.noise.rate)
         if adjoint:
             response = response.conj()
         # at the Nyquist frequency a real signal has a real spectrum

@@ -79,8 +79,7 @@ def _predicted(identification: Identification, recording: Recording) -> Residual
     part = slice(k.start, k.stop)
     q, dq, ddq, tau = (x[:, part].T for x in (k.q, k.dq, k.ddq, k.tau))
     model = identification.predict(q, dq, ddq)
-    fastest = np.abs(dq).max(axis=0)
-    rated = np.where(np.isfinite(robot.rated_speeds), robot.rated_speeds, fastest)
+    rated = np.where(np.isfinite(robot.rated_speeds), robot.rated_speeds, np.abs(dq).max(axis=0))
     used = np.abs(dq) >= LOW_SPEED * rated
     t = recording.t[part]
     error = tau - model

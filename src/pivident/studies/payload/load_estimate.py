@@ -87,9 +87,7 @@ class LoadEstimate(Displayed):
     @property
     def center_of_mass(self) -> np.ndarray:
         """Centre of mass c = h/m [m], shape (3,); NaN where the mass is not positive."""
-        if not self.mass > 0:
-            return np.full(3, np.nan)
-        return self.values[6:9] / self.mass
+        return self.values[6:9] / self.mass if self.mass > 0 else np.full(3, np.nan)
 
     @cached_property
     def center_of_mass_std(self) -> np.ndarray:

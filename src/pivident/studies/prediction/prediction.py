@@ -229,8 +229,7 @@ class Prediction(Accounted):
             "high_percent": Column(error.intervals[:, 1], shown="files"),
         }
         for name, shares in zip(("slower", "in band", "faster"), error.shares_by_band, strict=True):
-            key = f"{name.replace(' ', '_')}_percent"
-            columns[key] = Column(shares, f"{name} %", digits=2)
+            columns[f"{name.replace(' ', '_')}_percent"] = Column(shares, f"{name} %", digits=2)
         in_band = Column(e.relative_in_band, f"< {e.band:g} Hz %", digits=3)
         columns["error_in_band_percent"] = in_band
         if self.held_out is not None:

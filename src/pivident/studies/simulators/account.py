@@ -39,8 +39,7 @@ def account(fit: SimulatorFit, robot: RobotFile | None, held_out: HeldOut | None
         figures = [error_curves(held_out, j) for j in range(held_out.robot.size)]
         parts.append(Part(f"Errors on {held_out.name}", blocks, figures))
         findings += held_out.findings()
-        joints = fit.robot.joint_names
-        errors = {"motion": held_out.name, "joints": joints, "rms": held_out.rms()}
+        errors = {"motion": held_out.name, "joints": fit.robot.joint_names, "rms": held_out.rms()}
     stored: dict[str, Any] = {
         "schema": SCHEMA,
         "robot": fit.robot.name,

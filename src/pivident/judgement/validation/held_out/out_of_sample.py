@@ -472,8 +472,7 @@ def likely_causes(piv: CrossValidation, iv: CrossValidation) -> list[str]:
 
 def _contradictions(a: Identification, b: Identification) -> str:
     """The parameters in which two estimates differ most, in their standard errors."""
-    spread = np.hypot(a.free_std, b.free_std)
-    distance = np.abs(a.theta - b.theta) / np.maximum(spread, 1e-300)
+    distance = np.abs(a.theta - b.theta) / np.maximum(np.hypot(a.free_std, b.free_std), 1e-300)
     most = [k for k in np.argsort(-distance)[:3] if distance[k] > CONTRADICTION]
     if not most:
         return ""

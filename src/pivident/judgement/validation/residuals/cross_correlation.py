@@ -35,7 +35,7 @@ import numpy as np
 from pivident.estimation.solved_equations import Equations
 from pivident.foundation.distributions import chi_square, fisher
 from pivident.judgement.validation.residuals.autocorrelation import (
-    SIGNIFICANCE,
+    WithProbability,
     probability,
     reading,
     variance_factor,
@@ -59,7 +59,7 @@ PRACTICAL_RATIO = 1.8
 
 
 @dataclass(frozen=True, eq=False)
-class CrossCorrelationTest:
+class CrossCorrelationTest(WithProbability):
     """Residual of one joint against its instruments."""
 
     statistic: float  # F
@@ -84,11 +84,6 @@ class CrossCorrelationTest:
     def largest_column(self) -> str:
         """Parameter whose instrument it is."""
         return self.columns[int(np.argmax(np.abs(self.rho).max(axis=1)))]
-
-    @property
-    def significant(self) -> bool:
-        """Whether the probability is below ``SIGNIFICANCE``."""
-        return self.p_value < SIGNIFICANCE
 
     @property
     def matters(self) -> bool:
@@ -230,7 +225,7 @@ def _correlation(records: list[Stretches], lag: int) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class VarianceTest:
+class VarianceTest(WithProbability):
     """Test for a variance that changes with the motion."""
 
     statistic: float  # n R² / F₂
@@ -251,11 +246,6 @@ class VarianceTest:
     def ratio(self) -> float:
         """Its ratio of variances."""
         return self.ratios[self.driver]
-
-    @property
-    def significant(self) -> bool:
-        """Whether the probability is below ``SIGNIFICANCE``."""
-        return self.p_value < SIGNIFICANCE
 
     @property
     def matters(self) -> bool:

@@ -82,8 +82,7 @@ def identify_log(task: Task, log: FleetLog) -> list[Row]:
         problem, temperatures = _problem(template, log)
         found = explained_identify(problem, template.method)
     except Exception as error:
-        seconds = time.perf_counter() - begin
-        return [common | {"computed": time.time()} | failure(error, seconds)]
+        return [common | {"computed": time.time()} | failure(error, time.perf_counter() - begin)]
     common |= {
         "computed": time.time(),
         "converged": bool(found.converged),
