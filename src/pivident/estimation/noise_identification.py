@@ -229,10 +229,9 @@ class Whitening:
 
     def warnings(self, prefilters: Prefilters) -> list[Finding]:
         """Noise models that did not come out as they were asked for."""
-        names = self.problem.robot.joint_names
         return [
             Finding("warning", "noise model", "replaced", f"Noise model of {name!r}: {text}", name)
-            for name, m in zip(names, prefilters.models, strict=False)
+            for name, m in zip(self.problem.robot.joint_names, prefilters.models, strict=False)
             for text in m.warnings
         ] + self._order_warning(prefilters)
 

@@ -275,13 +275,12 @@ class EquationNoise(Displayed):
             slow += resting.sum(axis=1)
             left_out += (resting & ~record.used).sum(axis=1)
             standstill = np.maximum(standstill, limits.joints)
-        variance = equations.variance
         filters = equations.filters if equations.full_rate else [Prefilter()] * problem.robot.size
         return cls(
             rate,
             np.where(left_out > 0.5 * slow, standstill, 0.0),
             tuple(
                 replace(f, variance=float(f.variance * v))
-                for f, v in zip(filters, variance, strict=True)
+                for f, v in zip(filters, equations.variance, strict=True)
             ),
         )

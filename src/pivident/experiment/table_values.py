@@ -28,7 +28,7 @@ from pivident.foundation.options import (
     declarations,
     default_of,
 )
-from pivident.foundation.text.printable import is_printable
+from pivident.foundation.text.identifiers import is_printable
 from pivident.foundation.text.toml import value_text
 from pivident.loop.simulation.controllers import UNKNOWN_GAIN
 from pivident.robot.mdh_keys import Entry, empty_table

@@ -42,20 +42,18 @@ from pivident.foundation.errors import IdentificationError, OrdersNotSupported, 
 from pivident.foundation.text.sentences import capital, listed
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.model import Hold, Structure, fit_of, structure_of
-from pivident.linear.operating_point import (
-    NAMED_SHARE,
-    offset_of,
-    share_of_operating_point,
-    with_operating_point,
-)
 from pivident.linear.refined_iv import (
+    NAMED_SHARE,
     Linearised,
     NoiseFit,
     Refined,
     iv_step,
     linearised,
+    offset_of,
     refine,
+    share_of_operating_point,
     simulated_parts,
+    with_operating_point,
 )
 from pivident.linear.sampled_data import SampledData, columns_of, sampled_data
 from pivident.signals.arma import ar, arma

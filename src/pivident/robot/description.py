@@ -24,8 +24,8 @@ import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.foundation.text.display import Printed
+from pivident.foundation.text.identifiers import is_printable
 from pivident.foundation.text.plain_values import Limits, Name
-from pivident.foundation.text.printable import is_printable
 from pivident.robot.constraints import Constraints
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
 from pivident.robot.joints import (

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from pivident.app.cli.console import Progress, chosen_pool, note
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
 
 if TYPE_CHECKING:
     from pivident.studies.many.fleet.judgement import Judgement

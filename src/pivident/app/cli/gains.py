@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from pivident.app.cli.console import Progress, name_bodies
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.text.numbers import plus_minus, with_spread
-from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.numbers import plain_table, plus_minus, with_spread
 
 if TYPE_CHECKING:
     from pivident.estimation.drives.log_units import GainGroup, MotorInLogUnits

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from pivident.app.cli.console import DONE, FAULTY_LOG, Progress, UsageError, note
 from pivident.app.cli.excite import excite
 from pivident.foundation.errors import PividentError
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
 from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from textwrap import indent
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
-from pivident.foundation.text.plain_table import plain_table
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
+from pivident.foundation.text.numbers import plain_table
 from pivident.foundation.text.sentences import plural
 from pivident.robot.description import Joint, Robot
 from pivident.robot.gallery import gallery_names, load_robot

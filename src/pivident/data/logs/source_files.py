@@ -17,7 +17,7 @@ import numpy as np
 
 from pivident.foundation.errors import FileFormatError, RecordingError, UnknownColumn
 from pivident.foundation.files import regular_file
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
 from pivident.foundation.text.sentences import near_names
 
 #: A file may expand to this many bytes without question.

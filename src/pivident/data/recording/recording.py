@@ -33,7 +33,7 @@ from pivident.data.recording.checks import (
 from pivident.data.recording.usable_samples import leave_out_missing
 from pivident.foundation.errors import RecordingError, require_kind
 from pivident.foundation.text.display import Printed
-from pivident.foundation.text.printable import is_printable
+from pivident.foundation.text.identifiers import is_printable
 from pivident.robot.description import TorqueSide
 from pivident.robot.naming import numbered_joints
 from pivident.robot.transmission import Transmission

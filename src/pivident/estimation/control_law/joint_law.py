@@ -34,8 +34,13 @@ from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.normal_equations import JointSums
 from pivident.foundation.errors import IdentificationError
-from pivident.foundation.text.numbers import format_significant, plus_minus, with_spread
-from pivident.foundation.text.plain_table import column, lines_of
+from pivident.foundation.text.numbers import (
+    column,
+    format_significant,
+    lines_of,
+    plus_minus,
+    with_spread,
+)
 from pivident.loop.simulation.control_loop import IdentifiedLaw
 
 

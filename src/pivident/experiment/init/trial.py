@@ -188,12 +188,11 @@ def try_out(text: str, out: Path, known: Findings, say: Callable[[str], None]) -
         if timing is not None:
             return replace(known, recording=(*known.recording, timing))
     known = replace(known, notes=tuple(dict.fromkeys(n for r in recordings for n in r.notes)))
-    controller = experiment.content.controller
     try:
         problem = experiment.problem(say, recordings)
     except PividentError as error:
         return _stuck(known, error)
-    if controller is not None and problem.loop is None:
+    if experiment.content.controller is not None and problem.loop is None:
         return replace(known, law_failed=problem.without_loop.rstrip("."))
     return _try_methods(experiment, problem, known, say)
 

@@ -12,16 +12,15 @@ import numpy as np
 from pivident.foundation.errors import PividentError, UnknownName
 from pivident.foundation.extras import require
 from pivident.foundation.text.display import Displayed
-from pivident.foundation.text.identifiers import latex_text, one_line
+from pivident.foundation.text.identifiers import escaped, latex_text, one_line, sheet_text
 from pivident.foundation.text.numbers import (
     format_significant,
     latex_number,
     latex_unit,
+    plain_table,
     with_spread,
 )
-from pivident.foundation.text.plain_table import plain_table
 from pivident.foundation.text.plain_values import csv_table
-from pivident.foundation.text.printable import escaped, sheet_text
 
 if TYPE_CHECKING:
     import pandas as pd

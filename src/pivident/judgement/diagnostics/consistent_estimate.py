@@ -135,13 +135,12 @@ class ConsistentEstimate:
     def headline(self) -> str:
         """The result in one line."""
         model = self.model
-        if model.was_consistent:
-            text = "the free estimate is consistent as it is"
-        else:
-            text = (
-                f"{format_significant(model.distance)} σ from the free estimate, "
-                f"{format_significant(model.least_distance)} σ at least"
-            )
+        text = (
+            "the free estimate is consistent as it is"
+            if model.was_consistent
+            else f"{format_significant(model.distance)} σ from the free estimate, "
+            f"{format_significant(model.least_distance)} σ at least"
+        )
         return f"{self.label}: {text} ({1e3 * model.seconds:.0f} ms)"
 
     def sentences(self) -> list[str]:

@@ -128,13 +128,12 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
         whose = listed(list(dict.fromkeys(one.cause.subject for one in named)), 3)
         text = f"Friction has another law than assumed: {whose}. Its residual has {sizes}"
     most, matters = max(named, key=lambda one: one.shift), any(one.matters for one in named)
-    if matters:
-        text += (
-            f". Corrected, it changes {most.parameter} by "
-            f"{format_significant(most.shift, 2)} standard errors"
-        )
-    else:
-        text += ". Corrected, it changes no parameter by two standard errors"
+    text += (
+        f". Corrected, it changes {most.parameter} by "
+        f"{format_significant(most.shift, 2)} standard errors"
+        if matters
+        else ". Corrected, it changes no parameter by two standard errors"
+    )
     others = [str(other) for one in named for other in one.alternatives]
     if others:
         text += f". The record cannot tell it from {listed(others, 2)}"

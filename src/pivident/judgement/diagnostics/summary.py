@@ -17,8 +17,7 @@ import numpy as np
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRow, parameter_rows
 from pivident.foundation.text.finding import Finding
-from pivident.foundation.text.numbers import format_significant, percent
-from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.numbers import format_significant, percent, plain_table
 from pivident.foundation.text.sentences import first_sentence, plural
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
 from pivident.judgement.diagnostics.uses import Use

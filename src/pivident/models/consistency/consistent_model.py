@@ -231,15 +231,14 @@ class ConsistentModel(Displayed):
 
     def headline(self) -> str:
         """The result in one or two sentences."""
-        if self.was_consistent:
-            text = f"The estimate of {self.free.method} is physically consistent as it is."
-        else:
-            text = (
-                f"The estimate of {self.free.method} is not physically consistent; the least "
-                f"distance to consistent parameters is {format_significant(self.least_distance)} σ "
-                f"(p = {self.p_value:.2g}), that of the model "
-                f"{format_significant(self.distance)} σ."
-            )
+        text = (
+            f"The estimate of {self.free.method} is physically consistent as it is."
+            if self.was_consistent
+            else f"The estimate of {self.free.method} is not physically consistent; the least "
+            f"distance to consistent parameters is {format_significant(self.least_distance)} σ "
+            f"(p = {self.p_value:.2g}), that of the model "
+            f"{format_significant(self.distance)} σ."
+        )
         if np.isfinite(self.torque_error):
             text += (
                 f" Torque error on the fitted record: {100 * self.torque_error_free:.3g} % free, "

@@ -197,8 +197,7 @@ class Assignments(Displayed):
         if alone != OperationCount():
             lines.append(f"Of these, on parameters alone: {alone}.")
         if self.closing:
-            step = self.closing.step.operation_count
-            lines.append(f"Each step of Newton's method: {step}.")
+            lines.append(f"Each step of Newton's method: {self.closing.step.operation_count}.")
             passive = ", ".join(s.name for s in self.closing.unknown.symbols)
             lines.append(f"{passive}: {self.closing.unknown.meaning}, by Newton's method")
             lines.append(

@@ -69,12 +69,11 @@ def outline_of(robot: Robot, given: Iterable[Body] = ()) -> Outline:
                 advice=f"the links of {robot.name!r} count from -1 (base) to {robot.size - 1}",
             )
     known = {body.link for body in given}
-    if known >= set(range(robot.size)):
-        found = Outline((), "given")
-    else:
-        found = (
-            urdf_outline(robot, known) or gallery_outline(robot, known) or skeleton(robot, known)
-        )
+    found = (
+        Outline((), "given")
+        if known >= set(range(robot.size))
+        else urdf_outline(robot, known) or gallery_outline(robot, known) or skeleton(robot, known)
+    )
     kept = [body for body in found.bodies if body.link not in known]
     remarks = found.remarks
     if found.source == "urdf":

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from textwrap import fill
 
-from pivident.foundation.text.numbers import format_significant, with_spread
-from pivident.foundation.text.plain_table import GAP, column, lines_of
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
+from pivident.foundation.text.numbers import GAP, column, format_significant, lines_of, with_spread
 from pivident.studies.comparison.compared_results import (
     ComparedParameter,
     ComparedResults,

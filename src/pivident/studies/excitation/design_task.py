@@ -92,9 +92,8 @@ class DesignTask:
 
     def objective(self, constraints: Constraints) -> Objective:
         """The criterion of motions under constraints."""
-        samples = constraints.functions.shape[1]
         family = constraints.family
-        rate = (samples - 1) / family.duration
+        rate = (constraints.functions.shape[1] - 1) / family.duration
         bare = not self.criterion.weighted
         return Objective(
             self.criterion, self.information(rate, family.rounds, bare=bare), constraints

@@ -19,7 +19,7 @@ from pivident.foundation.document.plot import kept_samples
 from pivident.foundation.errors import PividentError
 from pivident.foundation.extras import require
 from pivident.foundation.files import atomic_folder
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
 from pivident.robot.naming import nearest
 
 if TYPE_CHECKING:

@@ -107,8 +107,7 @@ def load_figure(joint: JointFriction) -> Figure:
 
 def time_figure(joint: JointFriction) -> Figure:
     """What changes while the record lasts."""
-    unit = joint.torque.torque_unit
-    plot = _plot(f"against the motion [{unit}]", "time [s]")
+    plot = _plot(f"against the motion [{joint.torque.torque_unit}]", "time [s]")
     p = joint.fit["time"]
     _band(plot, p.state, p.value, p.std, METHOD_COLOURS[4], "straight line")
     _points(plot, joint.maps["time"], METHOD_COLOURS[4], "bins")

@@ -158,9 +158,8 @@ class JointJudge:
         self.band_parts = [(r.phi, None, r.tau, r.used) for r in self.band.rows]
         self.band_fixed = SegmentSums.of(self.band_parts, self.band_segments)
         self.motions = [r.kinematics for r in last.equations.records]
-        records = last.equations.records
         #: Samples of each recording on whose rows the joint's laws are fitted.
-        self.used = [row_samples(r)[r.used[joint]] for r in records]
+        self.used = [row_samples(r)[r.used[joint]] for r in last.equations.records]
         self.load = self._load()
         self.divisions = self._divisions()
         self.lam = float(last.equations.variance[joint])

@@ -25,8 +25,7 @@ from pivident.estimation.problem import Problem
 from pivident.foundation.errors import IdentificationError, UnknownName
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
-from pivident.foundation.text.numbers import format_significant
-from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.numbers import format_significant, plain_table
 from pivident.studies.friction_laws.filtered_rows import LastPass, ShapedRows
 from pivident.studies.friction_laws.shape_constants import (
     ShapeConstant,

@@ -38,7 +38,7 @@ from pivident.data.logs.reader import Reader
 from pivident.data.logs.source_files import bag_files, existing_file
 from pivident.foundation.errors import FileFormatError
 from pivident.foundation.files import regular_file
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
 
 #: What reads which kind of file.
 CONTAINERS: dict[str, Callable[[Path], Iterator[Message]]] = {

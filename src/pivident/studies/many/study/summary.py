@@ -28,7 +28,7 @@ import numpy as np
 from pivident.foundation.distributions import student
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.extras import require
-from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.numbers import plain_table
 from pivident.foundation.text.plain_values import plain
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.many.study.bound import Bounds, efficiency_bounds
