@@ -170,8 +170,10 @@ def export_text(
         *(f"  · {note}" for note in model.notes),
     ]
     if exported.differences:
-        lines.append(f"What {title} cannot represent, or represents differently:")
-        lines += [f"  · {sentence}" for sentence in exported.differences]
+        lines += [
+            f"What {title} cannot represent, or represents differently:",
+            *(f"  · {sentence}" for sentence in exported.differences),
+        ]
     return "\n".join(lines)
 
 

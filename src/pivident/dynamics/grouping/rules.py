@@ -308,8 +308,10 @@ class JointRules:
         reaction, rows = self._reactions(self.omega[:, :2] @ [x.value, y.value] / across.value)
         reaction = reaction or {}
         if z.value:
-            rows.append(self.row(mx=1.0, mz=-x / z) | times(reaction, -y / across))
-            rows.append(self.row(my=1.0, mz=-y / z) | times(reaction, x / across))
+            rows += [
+                self.row(mx=1.0, mz=-x / z) | times(reaction, -y / across),
+                self.row(my=1.0, mz=-y / z) | times(reaction, x / across),
+            ]
         elif y.value:
             rows += [self.row(mx=1.0, my=-x / y) | times(reaction, -(ONE / y)), self.row(mz=1.0)]
         else:

@@ -241,16 +241,20 @@ def controller_table(found: IdentifiedLaw) -> str:
             else ("", "")
             for law in found.joints
         ]
-        columns.append(column(term, [value for value, _ in spreads], "."))
-        columns.append(column("±2σ", [spread for _, spread in spreads], "."))
+        columns += [
+            column(term, [value for value, _ in spreads], "."),
+            column("±2σ", [spread for _, spread in spreads], "."),
+        ]
     speeds = [
         differentiator_text(law.averaged, law.derivative_time, law.derivative_time_std)
         for law in found.joints
     ]
     columns.append(column("speed", speeds, "<"))
     errors = [format_significant(100.0 * law.relative_error, 2) for law in found.joints]
-    columns.append(column("error %", errors, "."))
-    columns.append(column("saturated", [str(law.saturated) for law in found.joints], ">"))
+    columns += [
+        column("error %", errors, "."),
+        column("saturated", [str(law.saturated) for law in found.joints], ">"),
+    ]
     head = f"Control law of {', '.join(found.recordings)}, output per rad or m, rad/s or m/s, …"
     parts = [head, lines_of(columns), *_gravity_tables(found)]
     return "\n\n".join([*parts, *(f"Warning: {t}" for t in found.warnings)])

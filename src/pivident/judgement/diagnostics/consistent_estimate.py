@@ -147,8 +147,10 @@ class ConsistentEstimate:
         """The result, its cost in torque error, and notes."""
         lines = [self.model.headline()]
         if self.prediction is not None:
-            lines.append(f"{capital(str(self.prediction))}.")
-            lines += [f"Not consistent: {failure}." for failure in self.prediction.failures]
+            lines += [
+                f"{capital(str(self.prediction))}.",
+                *(f"Not consistent: {failure}." for failure in self.prediction.failures),
+            ]
         lines += [f"{note.rstrip('.')}." for note in self.model.notes]
         if missing := self.not_found():
             lines.append(not_found_sentence(missing))

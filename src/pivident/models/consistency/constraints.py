@@ -117,8 +117,10 @@ def _real_bodies(
         least, lightest = least_body(float(reference.diameters[i]))
         offset = -triangle(reference.scaled(i, least))
         name = links[i]
-        made.append(Constraint(name, REAL_BODY, "semidefinite", 4, matrix, offset))
-        made.append(_at_least(name, LEAST_MASS, place[9:], lightest, reference))
+        made += [
+            Constraint(name, REAL_BODY, "semidefinite", 4, matrix, offset),
+            _at_least(name, LEAST_MASS, place[9:], lightest, reference),
+        ]
     return made
 
 

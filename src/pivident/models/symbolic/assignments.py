@@ -199,10 +199,10 @@ class Assignments(Displayed):
         if self.closing:
             lines.append(f"Each step of Newton's method: {self.closing.step.operation_count}.")
             passive = ", ".join(s.name for s in self.closing.unknown.symbols)
-            lines.append(f"{passive}: {self.closing.unknown.meaning}, by Newton's method")
-            lines.append(
-                "posture: where that starts, positions of the independent joints, then of these"
-            )
+            lines += [
+                f"{passive}: {self.closing.unknown.meaning}, by Newton's method",
+                "posture: where that starts, positions of the independent joints, then of these",
+            ]
         for argument in (*self.inputs, self.parameters):
             if argument.symbols:
                 lines.append(f"{argument.name}: {argument.meaning}, {len(argument)} numbers")

@@ -195,8 +195,10 @@ def closing_equations(
     every: list[ClosureEquation | LinearEquation] = []
     for closure in constraints.closures:
         ends = LoopEnds.of(model, closure)
-        every += [ClosureEquation(ends, axis) for axis in range(3)]
-        every += [ClosureEquation(ends, axes) for axes in DIRECTIONS[closure.kind]]
+        every += [
+            *(ClosureEquation(ends, axis) for axis in range(3)),
+            *(ClosureEquation(ends, axes) for axes in DIRECTIONS[closure.kind]),
+        ]
     every += [LinearEquation(one, model.q) for one in constraints.linear]
     return [every[k] for k in constraints.kept]
 

@@ -147,12 +147,12 @@ def _function(program: Assignments, name: str, close: str = "") -> str:
     heads = [text for text, _ in given] + (["posture=None"] if close else [])
     lines = [f"def {name}({', '.join(heads)}):", *_docstring(program)]
     for text, argument in given:
-        lines.append(f"    {text} = np.asarray({text}, dtype=float)")
-        lines.append(f"    if {text}.shape[-1:] != ({len(argument)},):")
-        lines.append(
+        lines += [
+            f"    {text} = np.asarray({text}, dtype=float)",
+            f"    if {text}.shape[-1:] != ({len(argument)},):",
             f'        raise ValueError(f"{text} has shape {{{text}.shape}}; '
-            f'its last axis must be {len(argument)}")'
-        )
+            f'its last axis must be {len(argument)}")',
+        ]
         for k, s in enumerate(argument.symbols):
             if s in program.used:
                 lines.append(f"    {names[s]} = {text}[..., {k}]")
@@ -234,14 +234,18 @@ def _sympy_text(program: Assignments, function: str) -> str:
     texts = expression_texts(program.variables, _SYMPY, names)
     for variable, text in zip(program.variables, texts, strict=True):
         name = names[variable]
-        lines.append(f"    {name} = Symbol({name!r}, real=True)")
-        lines.append(f"    assignments.append(({name}, {text}))")
+        lines += [
+            f"    {name} = Symbol({name!r}, real=True)",
+            f"    assignments.append(({name}, {text}))",
+        ]
     lines.append("    results = {}")
     for output in program.outputs:
         elements = output.elements.ravel()
         values = [names.get(e) or expression_texts([e], _SYMPY, names)[0] for e in elements]
-        lines.append(f"    results[{output.name!r}] = Array([")
-        lines += [f"        {value}," for value in values]
-        lines.append(f"    ], {tuple(map(int, np.shape(output.elements)))})")
+        lines += [
+            f"    results[{output.name!r}] = Array([",
+            *(f"        {value}," for value in values),
+            f"    ], {tuple(map(int, np.shape(output.elements)))})",
+        ]
     lines.append("    return assignments, results")
     return "\n".join(lines) + "\n"

@@ -205,9 +205,11 @@ def flexibility_lines(found: JointFlexibility) -> list[str]:
     """The results in lines of text."""
     lines = [f"{found.recording}, {found.joint}"]
     for part in parts_of(found):
-        lines.append(f"  {part.heading}")
-        lines += [f"    {name:<22} {value}" for name, value in part.rows]
-        lines += [f"    {sentence}" for sentence in part.sentences]
+        lines += [
+            f"  {part.heading}",
+            *(f"    {name:<22} {value}" for name, value in part.rows),
+            *(f"    {sentence}" for sentence in part.sentences),
+        ]
     return lines
 
 

@@ -99,9 +99,11 @@ def findings(
     ]
     if "load" in fit:
         found.append(_load(torque, fit, held_out))
-    found.append(_position(torque, fit, held_out))
-    found.append(_drift(torque, fit, held_out))
-    found.append(_prediction(held_out))
+    found += [
+        _position(torque, fit, held_out),
+        _drift(torque, fit, held_out),
+        _prediction(held_out),
+    ]
     return tuple(found)
 
 

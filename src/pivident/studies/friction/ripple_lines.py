@@ -317,12 +317,14 @@ class Ripple:
         for joint in self.joints:
             out += [str(line) for line in joint.lines] or [f"{joint.name}: no ripple found"]
             out += [
-                f"{joint.name}: line at {line.frequency:.4g} Hz, "
-                f"{format_significant(line.amplitude)} "
-                f"{joint.unit}, constant in time, not ripple"
-                for line in joint.time_lines
+                *(
+                    f"{joint.name}: line at {line.frequency:.4g} Hz, "
+                    f"{format_significant(line.amplitude)} "
+                    f"{joint.unit}, constant in time, not ripple"
+                    for line in joint.time_lines
+                ),
+                *(f"{joint.name}: {note}" for note in joint.notes),
             ]
-            out += [f"{joint.name}: {note}" for note in joint.notes]
         return "\n".join(out)
 
 

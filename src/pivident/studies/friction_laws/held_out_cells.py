@@ -122,8 +122,7 @@ class Cells:
         ):
             rank = np.argsort(np.argsort(values, kind="stable"))
             count = round(ENDS * order.size)
-            made.append(Division(low, rank < count))
-            made.append(Division(high, rank >= order.size - count))
+            made += [Division(low, rank < count), Division(high, rank >= order.size - count)]
         return made
 
     def thinned(self, steps: Sequence[int]) -> Segments:

@@ -142,9 +142,11 @@ def isaac_actuators(fit: SimulatorFit, physics_step: float | None = None) -> Rob
     for key, values in fields.items():
         known = {re.escape(n): v for n, v in values.items() if np.isfinite(v)}
         if known:
-            lines += [f"    {key}={{"]
-            lines += [f"        {name!r}: {value!r}," for name, value in known.items()]
-            lines += ["    },"]
+            lines += [
+                f"    {key}={{",
+                *(f"        {name!r}: {value!r}," for name, value in known.items()),
+                "    },",
+            ]
     lines += [f"    min_delay={steps},", f"    max_delay={steps},", ")", ""]
     sentences = (delay, "DelayedPDActuator of Isaac Lab delays the target, not the torque")
     return RobotFile("\n".join(lines).encode(), sentences, format="isaac")

@@ -77,8 +77,10 @@ def simulation_figure(
         measured, error = own.measured[:, joint], own.errors[POSITIONS][:, joint]
         lines = [("measured", measured, MEASURED, 2.4)]
         lines.append(("simulated", measured - error, colour(method), 1.2))
-        parts.append((f"q [{position}]", lines))
-        parts.append((f"error of q [{position}]", [("error of q", error, ERROR, 1.0)]))
+        parts += [
+            (f"q [{position}]", lines),
+            (f"error of q [{position}]", [("error of q", error, ERROR, 1.0)]),
+        ]
         notes.append(f"positions: rms error {_rms(error)} {position}")
     if TORQUES in own.errors:
         error, unit = own.errors[TORQUES][:, joint], fit.torque_unit
