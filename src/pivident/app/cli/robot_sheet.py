@@ -94,10 +94,12 @@ def _drives(robot: Robot) -> str:
 def _parameters(base: BaseParameters) -> str:
     """Base parameters with unit and group."""
     rows = [("name", "unit", "group")]
-    for name, parameter, expression in zip(
-        base.names, base.parameters, base.expressions, strict=True
-    ):
-        rows.append((name, parameter.unit, expression))
+    rows += [
+        (name, parameter.unit, expression)
+        for name, parameter, expression in zip(
+            base.names, base.parameters, base.expressions, strict=True
+        )
+    ]
     silent = [base.standard[k].name for k in base.without_effect]
     lines = [f"{len(base)} base parameters of {len(base.standard)} standard ones", _table(rows)]
     if silent:

@@ -144,9 +144,11 @@ def _signals_key(experiment: Path) -> str:
     except ValueError:
         return _hash(text, *stamps)
     tables = {name: content[name] for name in _TABLES if name in content}
-    for name in _WITH_RECORDINGS:
-        if isinstance(content.get(name), dict) and "recording" in content[name]:
-            tables[name] = content[name]["recording"]
+    tables |= {
+        name: content[name]["recording"]
+        for name in _WITH_RECORDINGS
+        if isinstance(content.get(name), dict) and "recording" in content[name]
+    }
     return _hash(json.dumps(tables, sort_keys=True, default=str), *stamps)
 
 

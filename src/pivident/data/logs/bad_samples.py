@@ -98,9 +98,11 @@ def bad_samples(
             usual = float(np.quantile(known, 0.99)) if known.size else 0.0
             limit = min(LARGEST, BEYOND_OTHERS * usual) if usual > 0.0 else LARGEST
             impossible = ~missing & (np.abs(x) > limit)
-            for kind, wrong in (("missing", missing), ("impossible", impossible)):
-                if wrong.any():
-                    faults.append(BadSamples(kind, channel, j, np.flatnonzero(wrong)))
+            faults += [
+                BadSamples(kind, channel, j, np.flatnonzero(wrong))
+                for kind, wrong in (("missing", missing), ("impossible", impossible))
+                if wrong.any()
+            ]
         clean[channel] = without(values, [f for f in faults if f.channel == channel])
     q = clean.get("q")
     if q is None or len(q) < MIN_ROWS:

@@ -218,12 +218,12 @@ def diagnostics_of(law: JointLaw) -> list[str]:
             f"The law found for joint {law.name!r} leaves {100 * law.relative_error:.2g} % of its "
             "output unexplained; take its gains as nominal."
         )
-    for term, gain, std in zip(law.terms, law.gains, law.std, strict=True):
-        if std > 0.5 * abs(gain):
-            out.append(
-                f"{term} of joint {law.name!r} is {plus_minus(gain, 2 * std)}: this record hardly "
-                "determines it."
-            )
+    out += [
+        f"{term} of joint {law.name!r} is {plus_minus(gain, 2 * std)}: this record hardly "
+        "determines it."
+        for term, gain, std in zip(law.terms, law.gains, law.std, strict=True)
+        if std > 0.5 * abs(gain)
+    ]
     return out
 
 

@@ -325,8 +325,10 @@ def _simulated(
         auxiliary = AuxiliaryModel(
             part, differences=True, kinematics=[records[k].kinematics for k in mine]
         )
-        for k, motion in zip(mine, auxiliary.simulate(M @ x + b), strict=True):
-            made[k] = replace(records[k], motion=motion)
+        made |= {
+            k: replace(records[k], motion=motion)
+            for k, motion in zip(mine, auxiliary.simulate(M @ x + b), strict=True)
+        }
     return [made[k] for k in range(len(records))]
 
 

@@ -159,14 +159,16 @@ class ConsistentEstimate:
     def not_found(self) -> tuple[str, ...]:
         """Quantities whose interval has an end that the solver did not find."""
         names = [*self.base.not_found, *self.standard.not_found]
-        for row in self.links:
+        names += [
+            f"the {title} of {row.name}"
+            for row in self.links
             for title, own in (
                 ("mass", (row.mass,)),
                 ("centre of mass", row.center_of_mass),
                 ("principal moments", row.moments),
-            ):
-                if any(math.isnan(end) for q in own for end in (q.low, q.high)):
-                    names.append(f"the {title} of {row.name}")
+            )
+            if any(math.isnan(end) for q in own for end in (q.low, q.high))
+        ]
         return tuple(dict.fromkeys(names))
 
     def held_back(self) -> list[str]:

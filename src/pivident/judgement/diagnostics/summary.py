@@ -177,8 +177,10 @@ class Summary:
             ("torque rms", ">", [row.torque for row in self.joints]),
             ("error", "<", [row.error for row in self.joints]),
         ]
-        for k, title in enumerate(self.titles):
-            columns.append((title, "<", _aligned([row.friction[k] for row in self.joints])))
+        columns += [
+            (title, "<", _aligned([row.friction[k] for row in self.joints]))
+            for k, title in enumerate(self.titles)
+        ]
         return plain_table([*columns, ("", "<", [row.remark for row in self.joints])])
 
 

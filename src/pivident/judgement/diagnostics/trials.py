@@ -199,8 +199,9 @@ def _suspicions(
         whole = joined(candidates)
         alike = tuple(cause_of(r, names) for one in candidates for r in one.alike)
         found.append(_Suspicion(whole, cause_of(whole, names), "", alike, True))
-    for said in speed_evidence(problem):
-        found.append(_Suspicion(said.repair, said.sentence, said.sentence))
+    found += [
+        _Suspicion(said.repair, said.sentence, said.sentence) for said in speed_evidence(problem)
+    ]
     for finding in log:
         if finding.declared in (LOST, REPEATED_SAMPLE):
             found.append(_Suspicion(None, finding.message, finding=finding))

@@ -203,9 +203,11 @@ class Assignments(Displayed):
                 f"{passive}: {self.closing.unknown.meaning}, by Newton's method",
                 "posture: where that starts, positions of the independent joints, then of these",
             ]
-        for argument in (*self.inputs, self.parameters):
-            if argument.symbols:
-                lines.append(f"{argument.name}: {argument.meaning}, {len(argument)} numbers")
+        lines += [
+            f"{argument.name}: {argument.meaning}, {len(argument)} numbers"
+            for argument in (*self.inputs, self.parameters)
+            if argument.symbols
+        ]
         for output in self.outputs:
             shape = " x ".join(map(str, output.shape))
             lines.append(f"{output.name}: {output.meaning}, {shape}")

@@ -255,8 +255,10 @@ def _many(program: Assignments, name: str) -> list[str]:
     for text, argument in _arguments(program):
         if argument is program.parameters:
             lines += _unpacked(program, argument, names, lambda k, text=text: f"{text}[{k}]")
-    for text, argument in signals:
-        lines.append(f"    double {text}_tile[{len(argument)}][TILE] = {{{{0.0}}}};")
+    lines += [
+        f"    double {text}_tile[{len(argument)}][TILE] = {{{{0.0}}}};"
+        for text, argument in signals
+    ]
     for text, output in _results(program):
         lines += _result_tile(text, output)
     lines += [
@@ -277,8 +279,10 @@ def _many(program: Assignments, name: str) -> list[str]:
     lines += [f"            {line}" for line in _assignments(program, names)]
     for text, output in _results(program):
         values = _element_texts(output, names)
-        for row, k in enumerate(_filled(output)):
-            lines.append(f"            {text}_tile[{row}][s] = {values[k]};")
+        lines += [
+            f"            {text}_tile[{row}][s] = {values[k]};"
+            for row, k in enumerate(_filled(output))
+        ]
     lines += ["        }", "        for (size_t s = 0; s < count; ++s) {"]
     for text, output in _results(program):
         lines += _result_rows(text, output)

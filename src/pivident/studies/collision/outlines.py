@@ -186,16 +186,16 @@ def _without_shapes(
     taken = {body.link for body in bodies}
     words = []
     first = next(iter(missing.values()), "")
-    for without, lack, step in (
-        (taken - {*missing}, "The URDF has no <collision> element of", ""),
-        (taken & {*missing}, f"Meshes are missing ({first}) of", ", or put the meshes there"),
-    ):
-        if without:
-            words.append(
-                f"{lack} {listed([names[link] for link in sorted(without)])}: capsules from joint "
-                f"to joint of radius {bodies[0].radius:.3f} m stand for them, an assumption. Give "
-                f"bodies by hand{step}."
-            )
+    words += [
+        f"{lack} {listed([names[link] for link in sorted(without)])}: capsules from joint "
+        f"to joint of radius {bodies[0].radius:.3f} m stand for them, an assumption. Give "
+        f"bodies by hand{step}."
+        for without, lack, step in (
+            (taken - {*missing}, "The URDF has no <collision> element of", ""),
+            (taken & {*missing}, f"Meshes are missing ({first}) of", ", or put the meshes there"),
+        )
+        if without
+    ]
     if left := [names[link] for link in bare if link not in taken]:
         words.append(
             f"Not checked: {listed(left)}, of which the URDF gives neither shape nor mass."

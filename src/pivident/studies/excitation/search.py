@@ -283,8 +283,10 @@ class Search:
             jobs: list[Future[None]] = []
             try:
                 pool.submit(self._report, best)
-                for worker in range(workers):
-                    jobs.append(pool.submit(self._starts, worker, workers, first, best))
+                jobs += [
+                    pool.submit(self._starts, worker, workers, first, best)
+                    for worker in range(workers)
+                ]
                 for job in jobs:
                     job.result()
             except KeyboardInterrupt:

@@ -157,21 +157,21 @@ def _joint_frames(joint: JointFriction) -> list[pl.DataFrame]:
                 "effective": p.density,
             }
         )
-    for name, found in joint.maps.items():
-        frames.append(
-            {
-                "kind": "map",
-                "name": name,
-                "state_name": found.state,
-                "state_unit": found.unit,
-                "state": found.centre,
-                "value": found.value,
-                "lower": found.lower,
-                "upper": found.upper,
-                "passes": found.passes.astype(float),
-                "effective": found.effective,
-            }
-        )
+    frames += [
+        {
+            "kind": "map",
+            "name": name,
+            "state_name": found.state,
+            "state_unit": found.unit,
+            "state": found.centre,
+            "value": found.value,
+            "lower": found.lower,
+            "upper": found.upper,
+            "passes": found.passes.astype(float),
+            "effective": found.effective,
+        }
+        for name, found in joint.maps.items()
+    ]
     numbers = ("state", "value", "lower", "upper", "passes", "effective")
     return [
         pl.DataFrame(

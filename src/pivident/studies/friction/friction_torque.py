@@ -105,28 +105,27 @@ def friction_torques(
     record = np.repeat(np.arange(len(records)), [k.stop - k.start for k in records])
     t = np.concatenate([np.arange(k.start, k.stop) / k.recording.rate for k in records])
     load_std = _rigid_standard_error(identification, regressor, q, dq, ddq)
-    friction = []
-    for j, joint in enumerate(problem.robot.joints):
-        friction.append(
-            FrictionTorque(
-                name=joint.name,
-                torque_unit=joint.torque_unit,
-                position_unit=joint.position_unit,
-                rate=records[0].recording.rate,
-                t=t,
-                q=q[:, j],
-                dq=dq[:, j],
-                ddq=ddq[:, j],
-                load=load[:, j],
-                tau=tau[:, j],
-                law=law[:, j],
-                record=record,
-                moving=np.abs(dq[:, j]) > slow[j],
-                standstill=float(slow[j]),
-                band=band,
-                load_std=float(load_std[j]),
-            )
+    friction = [
+        FrictionTorque(
+            name=joint.name,
+            torque_unit=joint.torque_unit,
+            position_unit=joint.position_unit,
+            rate=records[0].recording.rate,
+            t=t,
+            q=q[:, j],
+            dq=dq[:, j],
+            ddq=ddq[:, j],
+            load=load[:, j],
+            tau=tau[:, j],
+            law=law[:, j],
+            record=record,
+            moving=np.abs(dq[:, j]) > slow[j],
+            standstill=float(slow[j]),
+            band=band,
+            load_std=float(load_std[j]),
         )
+        for j, joint in enumerate(problem.robot.joints)
+    ]
     return tuple(friction)
 
 

@@ -223,8 +223,7 @@ def identify_shapes(
             break
         if number == MAX_PASSES:
             break
-        for j, (own, s) in searched.items():
-            constants[j] = list(own.rows.values(s.coordinates))
+        constants |= {j: list(own.rows.values(s.coordinates)) for j, (own, s) in searched.items()}
         shaped = with_shapes(problem.robot, [c for own in constants.values() for c in own])
         start = dict(zip(problem.names, state.theta, strict=True))
         problem = replace(problem, robot=shaped, initial=dict(problem.initial) | start)

@@ -133,9 +133,11 @@ def exit_findings(
             range_text = " to ".join(map(format_significant, (fitted.low[j], fitted.high[j])))
             far = format_significant(one.position, 2)
             how.append(f"positions beyond {range_text} {unit} by up to {far} {unit}")
-        for name, ratio in (("speeds", one.speed), ("accelerations", one.acceleration)):
-            if ratio:
-                how.append(f"{name} up to {ratio:.1f} times the largest fitted")
+        how += [
+            f"{name} up to {ratio:.1f} times the largest fitted"
+            for name, ratio in (("speeds", one.speed), ("accelerations", one.acceleration))
+            if ratio
+        ]
         text = (
             f"{one.joint} leaves the fitted range in {percent(100 * one.share)} of the samples: "
             f"{', '.join(how)}."

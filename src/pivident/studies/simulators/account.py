@@ -81,8 +81,10 @@ def errors_table(held_out: HeldOut) -> Table:
     """Root mean square of the position errors by joint, before and after."""
     joints = held_out.robot.joints
     columns = {"joint": Column(held_out.robot.joint_names)}
-    for title, errors in held_out.rms().items():
-        columns[title] = Column(1e3 * errors, cells=[*map(milli, errors.tolist())])
+    columns |= {
+        title: Column(1e3 * errors, cells=[*map(milli, errors.tolist())])
+        for title, errors in held_out.rms().items()
+    }
     columns["unit"] = Column(["mrad" if j.position_unit == "rad" else "mm" for j in joints])
     return Table("held_out", columns, title="Position errors on motion that the fit has not seen")
 

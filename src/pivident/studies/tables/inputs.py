@@ -33,8 +33,9 @@ def recording_signals(recording: Recording) -> Table:
         "t_s": np.repeat(recording.t, joints),
         "joint": tuple(recording.joint_names) * samples,
     }
-    for name, values in recording.channels().items():
-        columns[name] = np.ascontiguousarray(values).ravel()
+    columns |= {
+        name: np.ascontiguousarray(values).ravel() for name, values in recording.channels().items()
+    }
     meanings = {
         "q": "joint position [rad or m]",
         "tau": "joint torque [N m or N]",

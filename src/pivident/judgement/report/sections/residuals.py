@@ -95,9 +95,10 @@ class ResidualsSection(SignalSection):
 
     def context(self) -> dict[str, Any]:
         """The figures, and from which correlation on it matters."""
-        galleries = []
-        for k, tests in enumerate(self.data.diagnostics.residuals.values()):
-            galleries.append(self.gallery(k, *(residual_figure(j, k) for j in tests.joints)))
+        galleries = [
+            self.gallery(k, *(residual_figure(j, k) for j in tests.joints))
+            for k, tests in enumerate(self.data.diagnostics.residuals.values())
+        ]
         return {
             "galleries": galleries,
             "left_out_names": (),
@@ -133,15 +134,14 @@ class TestsSection(Section):
     def context(self) -> dict[str, Any]:
         """Tests by method."""
         diagnostics = self.data.diagnostics
-        entries = []
-        for k, name in enumerate(diagnostics.identifications):
-            entries.append(
-                (
-                    self.data.labels[k],
-                    k,
-                    self.opened(k),
-                    diagnostics.residuals[name],
-                    diagnostics.instruments.get(name),
-                )
+        entries = [
+            (
+                self.data.labels[k],
+                k,
+                self.opened(k),
+                diagnostics.residuals[name],
+                diagnostics.instruments.get(name),
             )
+            for k, name in enumerate(diagnostics.identifications)
+        ]
         return {"entries": entries, "fitted": self.data.fitted}

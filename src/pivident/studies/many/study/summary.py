@@ -361,8 +361,10 @@ def summary_text(summary: Summary) -> str:
     ]
     lines = [plain_table(table)]
     for name, m in summary.methods.items():
-        for error, count in m.errors.items():
-            lines.append(f"{name}: {count} run(s) ended with {error}: {m.messages[error]}")
+        lines += [
+            f"{name}: {count} run(s) ended with {error}: {m.messages[error]}"
+            for error, count in m.errors.items()
+        ]
         if m.not_converged:
             lines.append(f"{name}: {m.not_converged} estimate(s) did not converge")
     note = (
