@@ -24,12 +24,14 @@ from pivident.data.recording.recording import Recording
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.literature.filters import KalmanFilter, RecursiveLeastSquares
-from pivident.estimation.literature.filters.central_difference_kalman import CentralDifferenceKalman
-from pivident.estimation.literature.filters.extended_kalman import ExtendedKalman
+from pivident.estimation.literature.filters.kalman_filters import (
+    CentralDifferenceKalman,
+    ExtendedKalman,
+    UnscentedKalman,
+)
 from pivident.estimation.literature.filters.midpoint_step import midpoint_step, step_work
 from pivident.estimation.literature.filters.particle_filter import Particles
 from pivident.estimation.literature.filters.robot_equations import robot_equations
-from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine

@@ -27,7 +27,7 @@ from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import load_experiment
 from pivident.experiment.init.draft import draft_experiment
-from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.numbers import plain_table
 
 #: Clock and mean rate [Hz].
 CLOCKS = (

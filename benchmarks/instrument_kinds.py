@@ -43,7 +43,7 @@ from pivident.estimation.signal_recipes import RandomWalk
 from pivident.experiment.init.draft import draft_experiment
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.foundation.errors import PividentError
-from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.numbers import plain_table
 from pivident.judgement.validation.held_out.cross_validation import cross_validate
 from pivident.judgement.validation.held_out.prediction import Judge
 from pivident.judgement.validation.instrument_tests import instrument_tests

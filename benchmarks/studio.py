@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tests.app.studio.browsing import browsing, served
 from tests.seven_axis_arm import seven_axis_log
 
-from pivident.app.studio.example import ROBOT, write_log
+from pivident.app.studio.drafting import ROBOT, write_log
 
 PAINT = "() => performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? -1"
 #: Repetitions of the paint and of each window.

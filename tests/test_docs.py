@@ -7,10 +7,10 @@ import pytest
 from pivident.data.recording.recording import Recording
 from pivident.estimation.methods import METHODS
 from pivident.experiment import consistency_keys, excite_keys, file_keys, identify_table
-from pivident.experiment.manual import fields_of, words_of
+from pivident.experiment.manual import words_of
 from pivident.foundation.options import declarations, default_of
 from pivident.foundation.text.toml import value_text
-from pivident.robot.mdh_keys import Entry, declared_of
+from pivident.robot.mdh_keys import Entry, declared_of, fields_of
 from tests.manual_page import PAGE, TABLES, heading_of, page, sections
 
 TEXT = PAGE.read_text("utf-8")

@@ -240,7 +240,7 @@ def test_the_method_is_one_of_all(plugin, result, tmp_path):
         "from pivident.estimation.methods import METHODS; "
         "from pivident.experiment.identify_table import METHOD_ENTRIES; "
         "from pivident.experiment.manual import rows_of; "
-        "from pivident.app.studio.methods import method_context; "
+        "from pivident.app.studio.view import method_context; "
         "from pivident.app.studio.studio import Content; "
         "found = load_identification('absolute/least-absolute'); "
         "text = 'recording = {files = \\'log.csv\\'}'; "

@@ -14,7 +14,7 @@ from pivident.robot.friction import FrictionLaw
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import read_urdf
 from pivident.studies import Clearances, Outline, built_apart, outline_of
-from pivident.studies.collision.obstacles import upward
+from pivident.studies.collision.bodies import upward
 from pivident.studies.collision.room import obstacles_of_entries
 
 

@@ -30,7 +30,7 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.experiment.excite_keys import ExciteEntry
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.numbers import plain_table
 from pivident.studies import Design, DesignRequest, design_motion, write_design
 from pivident.studies.excitation.checked_motion import FINER, FineCheck, with_more_room
 from pivident.studies.excitation.criteria import standard_errors

@@ -21,12 +21,11 @@ import pivident
 from pivident.app.cli.app import app
 from pivident.dynamics.parameters import standard_parameters
 from pivident.estimation.methods import METHODS
-from pivident.experiment.manual import fields_of
 from pivident.foundation import errors
 from pivident.foundation.text import repair
 from pivident.models.consistency.options import PREFIX
 from pivident.robot.gallery import gallery_names, load_robot
-from pivident.robot.mdh_keys import Entry
+from pivident.robot.mdh_keys import Entry, fields_of
 from tests.docs.test_docstrings import PACKAGES, public_names, resolved
 
 REPOSITORY = Path(__file__).resolve().parents[2]

@@ -9,9 +9,8 @@ from pivident.robot.friction_column import FrictionColumn, Shape, SignFunction, 
 from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.friction_terms.coulomb import COULOMB, COULOMB_NEGATIVE, COULOMB_POSITIVE
 from pivident.robot.friction_terms.offset import OFFSET
-from pivident.robot.friction_terms.power import POWER
 from pivident.robot.friction_terms.stribeck import STRIBECK
-from pivident.robot.friction_terms.viscous import VISCOUS, VISCOUS_NEGATIVE, VISCOUS_POSITIVE
+from pivident.robot.friction_terms.viscous import POWER, VISCOUS, VISCOUS_NEGATIVE, VISCOUS_POSITIVE
 
 SIGNS = ("sign", "atan", "tanh")
 SMOOTH = ("atan", "tanh")

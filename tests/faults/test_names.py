@@ -22,7 +22,7 @@ from pivident.foundation.errors import (
     RecordingError,
     RobotDescriptionError,
 )
-from pivident.foundation.text.printable import escaped, is_printable
+from pivident.foundation.text.identifiers import escaped, is_printable
 from pivident.robot.modified_dh import parse_modified_dh
 from pivident.robot.urdf import parse_urdf
 from tests.synthetic_identification import synthetic_identification

@@ -44,10 +44,9 @@ from pivident.robot.description import Robot
 from pivident.robot.friction_column import SignFunction
 from pivident.robot.friction_term import MAX_SHAPES, FrictionTerm
 from pivident.robot.friction_terms import friction_columns
-from pivident.robot.friction_terms.load import LOAD
-from pivident.robot.friction_terms.maxwell_slip import MAXWELL
+from pivident.robot.friction_terms.coulomb import LOAD
 from pivident.robot.friction_terms.offset import OFFSET
-from pivident.robot.friction_terms.presliding import PRESLIDING, PRESLIDING_RATE
+from pivident.robot.friction_terms.presliding import MAXWELL, PRESLIDING, PRESLIDING_RATE
 from pivident.robot.friction_terms.viscous import VISCOUS
 
 _LOAD, _PRESLIDING, _MAXWELL = int(LOAD), int(PRESLIDING), int(MAXWELL)

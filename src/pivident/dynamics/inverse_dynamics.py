@@ -31,7 +31,7 @@ from pivident.foundation.compiled import allocating
 from pivident.foundation.errors import UnusableValue
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.friction_term import MAX_SHAPES
-from pivident.robot.friction_terms.load import LOAD
+from pivident.robot.friction_terms.coulomb import LOAD
 
 _LOAD = int(LOAD)
 

@@ -27,8 +27,7 @@ from pivident.dynamics.friction_kernels import (
 )
 from pivident.dynamics.friction_table import OF_POSITION
 from pivident.foundation.compiled import inner
-from pivident.robot.friction_terms.maxwell_slip import MAXWELL
-from pivident.robot.friction_terms.presliding import PRESLIDING
+from pivident.robot.friction_terms.presliding import MAXWELL, PRESLIDING
 
 _PRESLIDING, _MAXWELL = int(PRESLIDING), int(MAXWELL)
 

@@ -62,8 +62,7 @@ def reversed_joints(
     robot: Robot, parameters: Sequence[Parameter], theta: np.ndarray, std: np.ndarray
 ) -> tuple[int, ...]:
     """Joints whose torque seems to have the wrong sign."""
-    names = [p.stem for p in parameters]
-    negative = negative_parameters(parameters, names, theta, std)
+    negative = negative_parameters(parameters, [p.stem for p in parameters], theta, std)
 
     def reversed_(joints: Sequence[int]) -> bool:
         own = [p for p in parameters if p.joint in joints and p.is_dissipative]

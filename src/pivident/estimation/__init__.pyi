@@ -16,21 +16,21 @@ from .kinematics import estimate_kinematics as estimate_kinematics
 from .known_parameters import Equality as Equality
 from .known_parameters import KnownParameters as KnownParameters
 from .known_parameters import Prior as Prior
-from .literature.adaline import Adaline as Adaline
 from .literature.correlated_joints import CorrelatedJoints as CorrelatedJoints
-from .literature.filters.central_difference_kalman import (
+from .literature.filters.kalman_filters import (
     CentralDifferenceKalman as CentralDifferenceKalman,
 )
-from .literature.filters.extended_kalman import ExtendedKalman as ExtendedKalman
+from .literature.filters.kalman_filters import ExtendedKalman as ExtendedKalman
+from .literature.filters.kalman_filters import UnscentedKalman as UnscentedKalman
 from .literature.filters.online import KalmanFilter as KalmanFilter
 from .literature.filters.particle_filter import Particles as Particles
 from .literature.filters.recursive import RecursiveInstruments as RecursiveInstruments
 from .literature.filters.recursive import RecursiveLeastSquares as RecursiveLeastSquares
-from .literature.filters.unscented_kalman import UnscentedKalman as UnscentedKalman
 from .literature.frequency_domain import FrequencyDomain as FrequencyDomain
-from .literature.hopfield import Hopfield as Hopfield
-from .literature.prior_regression import PriorRegression as PriorRegression
-from .literature.ridge import Ridge as Ridge
+from .literature.neural_networks import Adaline as Adaline
+from .literature.neural_networks import Hopfield as Hopfield
+from .literature.penalised_regression import PriorRegression as PriorRegression
+from .literature.penalised_regression import Ridge as Ridge
 from .literature.robust_regression import RobustRegression as RobustRegression
 from .literature.rows import NormalEquations as NormalEquations
 from .literature.rows import Noticed as Noticed

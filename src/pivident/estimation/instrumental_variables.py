@@ -202,8 +202,7 @@ class UnfilteredSteps:
 
     def start(self) -> Pass:
         """θ⁰: least squares at the full rate."""
-        none = Prefilters.none(self.signals.problem)
-        return full_rate_start(self.signals, self.method, none)
+        return full_rate_start(self.signals, self.method, Prefilters.none(self.signals.problem))
 
     def noise_models(self, last: Pass, theta: np.ndarray) -> Prefilters:
         """None."""
@@ -219,7 +218,6 @@ class FullRateSteps(UnfilteredSteps):
         """Φ(q̂), Z = Φ(q_s) and τ of all recordings."""
         signals, load = self.signals, self.signals.load(last.number, simulated.theta)
         measured = signals.measured(load, simulated.motions)
-        records = records_with_instruments(
+        return records_with_instruments(
             measured, signals.simulated(simulated.motions, load), signals.limits
-        )
-        return records, prefilters
+        ), prefilters

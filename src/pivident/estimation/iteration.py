@@ -62,8 +62,7 @@ def estimate_without_load(
     if not problem.regressor.depends_on_load:
         return None
     others = np.flatnonzero(~problem.regressor.load_parameters)
-    parameters = [problem.regressor.parameters[k] for k in others]
-    regressor = regressor_of(problem.robot, parameters)
+    regressor = regressor_of(problem.robot, [problem.regressor.parameters[k] for k in others])
     known = [with_inner(regressor, k) for k in kinematics]
     filters = [Prefilter()] * problem.robot.size
     records = records_without_instruments(known, limits)
@@ -111,8 +110,7 @@ class Signals:
         """Smooth all recordings by the method's recipe."""
         kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
         limits = [problem.speed_limits(r) for r in problem.recordings]
-        first = estimate_without_load(problem, kinematics, limits)
-        return cls(problem, kinematics, limits, first)
+        return cls(problem, kinematics, limits, estimate_without_load(problem, kinematics, limits))
 
     def with_kinematics(self, kinematics: list[Kinematics]) -> Signals:
         """The same with other measured motions, where the instruments come with their own."""

@@ -140,8 +140,7 @@ def settled_least_squares(
             settled = has_settled(estimate.theta, theta, std)
             change = relative_change(estimate.theta, theta)
         residual = relative_residual(estimate.sums, estimate.theta, estimate.variance)
-        made = Iteration(estimate.theta, change, residual)
-        run = Run((*run.history, made), settled)
+        run = Run((*run.history, Iteration(estimate.theta, change, residual)), settled)
         theta = estimate.theta
         if not settled:
             size = f"parameters change by {100 * change:.3g} %"

@@ -229,10 +229,9 @@ class Whitening:
 
     def warnings(self, prefilters: Prefilters) -> list[Finding]:
         """Noise models that did not come out as they were asked for."""
-        names = self.problem.robot.joint_names
         return [
             Finding("warning", "noise model", "replaced", f"Noise model of {name!r}: {text}", name)
-            for name, m in zip(names, prefilters.models, strict=False)
+            for name, m in zip(self.problem.robot.joint_names, prefilters.models, strict=False)
             for text in m.warnings
         ] + self._order_warning(prefilters)
 
@@ -332,8 +331,7 @@ def _arma_model(residual: np.ndarray, mask: np.ndarray, noise: Arma) -> NoiseMod
     if (wanted := noise.ar_order + noise.ma_order) > p + q:
         fallen = (f"{_longest(stretches)}: its order falls from {wanted} to {p + q}.",)
     zeros = np.roots(found.ma)
-    size = np.abs(zeros)
-    inside = zeros * np.minimum(1.0, noise.largest_root / np.maximum(size, 1e-300))
+    inside = zeros * np.minimum(1.0, noise.largest_root / np.maximum(np.abs(zeros), 1e-300))
     return NoiseModel(
         found.ar, np.atleast_1d(np.real(np.poly(inside))), warnings=(*fallen, *found.warnings)
     )

@@ -233,7 +233,6 @@ def own_estimate(
     if spread is not None:
         covariances = Covariances(spread, spread)
     estimate = Estimate(1, found, None, records, prefilters, sums, solution, variance)
-    residual = relative_residual(sums, found, variance)
-    run = Run((Iteration(found, 0.0, residual),), True)
+    run = Run((Iteration(found, 0.0, relative_residual(sums, found, variance)),), True)
     said = [_GIVEN] if estimator is None else []
     return answer(problem, method, estimate, run, said, covariances=covariances)

@@ -159,9 +159,7 @@ def parameter_units(identification: Identification) -> tuple[str, ...]:
     if not is_ratio(identification.torque_scale):
         return units
     joints = identification.robot.tree.joints
-    torques = (
-        "N m" if joints[p.joint].kind == "revolute" else "N" for p in identification.parameters
-    )
+    torques = (joints[p.joint].torque_unit for p in identification.parameters)
     return tuple(f"{u}/({t}/{OUTPUT_UNIT})" for u, t in zip(units, torques, strict=True))
 
 

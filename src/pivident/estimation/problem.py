@@ -456,8 +456,7 @@ def _weights(
             )
         row = np.array([float(given.get(name, 1.0)) for name in joints])
         return [np.broadcast_to(row, recording.q.shape) for recording in recordings]
-    single = isinstance(given, np.ndarray) and given.ndim == 2
-    own = [given] if single else list(given)
+    own = [given] if isinstance(given, np.ndarray) and given.ndim == 2 else list(given)
     if len(own) != len(recordings):
         raise ExperimentError(
             f"there are weights for {len(own)} recordings, and {len(recordings)} recordings",
@@ -520,12 +519,12 @@ def torque_units(problem: Problem) -> list[str]:
     """N m or N, for each joint; that of the controller's output where no drive gain is known."""
     if any(is_ratio(recording.torque_scale) for recording in problem.recordings):
         return [OUTPUT_UNIT] * problem.robot.size
-    return ["N m" if j.kind == "revolute" else "N" for j in problem.robot.joints]
+    return [joint.torque_unit for joint in problem.robot.joints]
 
 
 def position_units(problem: Problem) -> list[str]:
     """Unit of each joint's position, rad or m."""
-    return ["rad" if j.kind == "revolute" else "m" for j in problem.robot.joints]
+    return [joint.position_unit for joint in problem.robot.joints]
 
 
 def _selection(base: BaseParameters, names: Sequence[str] | None) -> tuple[int, ...]:

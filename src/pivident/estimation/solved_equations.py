@@ -175,8 +175,7 @@ class TorqueSums(Displayed):
 
         ``base``: all base parameters, shape (base,).
         """
-        value = self.square - 2.0 * self.moment @ base + base @ self.gram @ base
-        return max(float(value), 0.0)
+        return max(float(self.square - 2.0 * self.moment @ base + base @ self.gram @ base), 0.0)
 
     def relative_error(self, base: np.ndarray) -> float:
         """‖τ - Φβ‖/‖τ‖ over all joints, weighted by joint, 0 to 1 and more.
@@ -218,8 +217,7 @@ def durbin_wu_hausman(
     total, rows = 0.0, 0
     for joint, lam in zip(sums, variance, strict=True):
         both = np.r_[joint.columns, size + joint.columns]
-        block = np.block([[joint.ff, joint.zf.T], [joint.zf, joint.zz]])
-        gram[np.ix_(both, both)] += block / lam
+        gram[np.ix_(both, both)] += np.block([[joint.ff, joint.zf.T], [joint.zf, joint.zz]]) / lam
         right[both] += np.r_[joint.ft, joint.zt] / lam
         total += joint.residual_sum(freedom.offset) / lam
         rows += joint.rows
@@ -277,13 +275,12 @@ class EquationNoise(Displayed):
             slow += resting.sum(axis=1)
             left_out += (resting & ~record.used).sum(axis=1)
             standstill = np.maximum(standstill, limits.joints)
-        variance = equations.variance
         filters = equations.filters if equations.full_rate else [Prefilter()] * problem.robot.size
         return cls(
             rate,
             np.where(left_out > 0.5 * slow, standstill, 0.0),
             tuple(
                 replace(f, variance=float(f.variance * v))
-                for f, v in zip(filters, variance, strict=True)
+                for f, v in zip(filters, equations.variance, strict=True)
             ),
         )

@@ -116,8 +116,7 @@ def without_recent(used: np.ndarray, length: int) -> np.ndarray:
     ``used``: shape (samples,); before the first sample none is.
     """
     index = np.arange(used.size)
-    latest = np.maximum.accumulate(np.where(used, -1, index))
-    return index - latest > length
+    return index - np.maximum.accumulate(np.where(used, -1, index)) > length
 
 
 def _squares_in_band(signal: np.ndarray, rate: float) -> np.ndarray:

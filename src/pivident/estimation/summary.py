@@ -24,8 +24,16 @@ from pivident.estimation.parameter_rows import (
 )
 from pivident.estimation.signal_recipes import Algebraic, Bandpass
 from pivident.estimation.simulation_result import LoopParameter, SimulationResult
-from pivident.foundation.text.numbers import format_exact, format_significant, percent, with_spread
-from pivident.foundation.text.plain_table import GAP, column, lines_of, plain_table
+from pivident.foundation.text.numbers import (
+    GAP,
+    column,
+    format_exact,
+    format_significant,
+    lines_of,
+    percent,
+    plain_table,
+    with_spread,
+)
 from pivident.foundation.text.sentences import listed
 
 #: Width of a table in characters, unless its numbers need more.
@@ -86,11 +94,10 @@ def weights_line(simulation: SimulationResult) -> str:
 
 def _error_table(identification: Identification, simulation: SimulationResult) -> str:
     """Rms errors of positions and torques of each joint."""
-    joints = identification.robot.joints
     columns = [
         ("joint", "<", [fit.name for fit in identification.joints]),
         ("position rms", ".", [format_significant(x) for x in simulation.position_rms]),
-        ("unit", "<", [joint.position_unit for joint in joints]),
+        ("unit", "<", [joint.position_unit for joint in identification.robot.joints]),
     ]
     if np.isfinite(simulation.torque_rms).any():
         columns += [
@@ -147,10 +154,8 @@ def identification_table(
         column("unit", [row.unit for row in rows], "<"),
     ]
     if ranges:
-        texts = range_texts(identification.names, ranges)
-        columns.insert(-2, column("range", texts, "<"))
-    taken = sum(len(own[0]) + len(GAP) for own in columns)
-    room = max(WIDTH - taken, _SHORTEST_EXPRESSION)
+        columns.insert(-2, column("range", range_texts(identification.names, ranges), "<"))
+    room = max(WIDTH - sum(len(own[0]) + len(GAP) for own in columns), _SHORTEST_EXPRESSION)
     columns.append(column("group", [shortened(row.expression, room) for row in rows], "<"))
     parts = [headline(identification), lines_of(columns), _joint_table(identification)]
     parts += filter(None, [simulation_text(identification)])

@@ -328,8 +328,7 @@ def load_experiment(path: str | Path) -> Experiment:
     """
     path = Path(path)
     with errors_name(path, ""):
-        content = toml_content(path)
-        experiment = Experiment(path, with_every_run(validated(content), path.parent))
+        experiment = Experiment(path, with_every_run(validated(toml_content(path)), path.parent))
         for name in experiment.content.identify.with_tables:
             method_of(name, experiment.content.identify)
     experiment.methods()

@@ -134,7 +134,7 @@ def gains_of(
     return GainsOfExperiment(
         found,
         declared,
-        tuple("N m" if j.kind == "revolute" else "N" for j in robot.on_fixed_base.joints),
+        tuple(joint.torque_unit for joint in robot.on_fixed_base.joints),
         payload,
         (*given.trusted, *given.trusted_parameters),
         temperatures,

@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 
 from pivident.foundation.options import Option, literals
 from pivident.foundation.text.toml import value_text
-from pivident.robot.mdh_keys import LaterTable, declared_of
+from pivident.robot.mdh_keys import LaterTable, declared_of, fields_of
 
 #: What a value is called, by its type.
 KINDS: dict[Any, str] = {bool: "bool", int: "number", float: "number", str: "text", dict: "table"}
@@ -54,11 +54,6 @@ def words_of(field: FieldInfo) -> KeyWords:
         literals(_bare(field.annotation)),
         table is not None and get_origin(_bare(field.annotation)) is not list,
     )
-
-
-def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
-    """Fields of a table by the names that a file has, in order."""
-    return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def kind_of(annotation: Any) -> str:

@@ -342,10 +342,12 @@ def _left_out(edit: LeftOut, file: FileContent) -> FileEdits:
         raise _contradiction("no joint would be left")
     edits: list[tuple[Place, Any]] = [(("robot", "joints"), [file.joints[j] for j in kept])]
     edits += [(("robot", "frozen", file.joints[j]), at) for j, at in sorted(still.items())]
-    for table in ("columns", "units"):
-        for channel, listed in (file.value(*edit.table, table) or {}).items():
-            if isinstance(listed, list) and len(listed) == len(file.joints):
-                edits.append(((*edit.table, table, channel), [listed[j] for j in kept]))
+    edits += [
+        ((*edit.table, table, channel), [listed[j] for j in kept])
+        for table in ("columns", "units")
+        for channel, listed in (file.value(*edit.table, table) or {}).items()
+        if isinstance(listed, list) and len(listed) == len(file.joints)
+    ]
     names = ", ".join(joint for joint, _ in edit.at)
     words = f"Leave {names} out: frozen, and its columns are not read."
     return FileEdits(words, tuple(edits))

@@ -99,8 +99,7 @@ def tx40_scenario(
         ddq_ref=ddq_ref,
     )
     start = {p.name: 0.0 if p.friction or p.coupling else OFF * truth[p.name] for p in heads}
-    problem = Problem(robot, (recording,), Loop(controller), tuple(names), initial=start)
-    return problem, truth
+    return Problem(robot, (recording,), Loop(controller), tuple(names), initial=start), truth
 
 
 def simulate_tx40(

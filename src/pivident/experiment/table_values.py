@@ -28,7 +28,7 @@ from pivident.foundation.options import (
     declarations,
     default_of,
 )
-from pivident.foundation.text.printable import is_printable
+from pivident.foundation.text.identifiers import is_printable
 from pivident.foundation.text.toml import value_text
 from pivident.loop.simulation.controllers import UNKNOWN_GAIN
 from pivident.robot.mdh_keys import Entry, empty_table
@@ -176,10 +176,11 @@ def _fixed(value: Any) -> Any:
 
 def _limits(value: Any) -> Any:
     """Two numbers for each name, either of them ``none``."""
-    found = {}
-    for name, pair in value.items() if isinstance(value, dict) else ():
-        if isinstance(pair, list) and len(pair) == 2:
-            found[name] = tuple(None if x == "none" else x for x in pair)
+    found = {
+        name: tuple(None if x == "none" else x for x in pair)
+        for name, pair in (value.items() if isinstance(value, dict) else ())
+        if isinstance(pair, list) and len(pair) == 2
+    }
     if not isinstance(value, dict) or not all(
         x is None or _is_number(x) for name in value for x in found.get(name, ("",))
     ):

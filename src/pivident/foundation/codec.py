@@ -299,8 +299,7 @@ class Layout:
     @property
     def header(self) -> Content:
         """What its content begins with."""
-        named = {"format": self.name} if self.name else {}
-        return named | {"schema": self.version}
+        return ({"format": self.name} if self.name else {}) | {"schema": self.version}
 
     def json(self, file: Path, advice: str = "check the path and its permissions") -> Content:
         """A file as plain values, of this kind or another one; ``advice``: if it cannot be read."""

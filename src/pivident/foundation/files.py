@@ -133,6 +133,19 @@ def atomic_folder(path: str | PathLike[str]) -> Iterator[Path]:
             os.close(handle)
 
 
+def write_file(path: str | PathLike[str], text: str, errors: str = "strict") -> None:
+    """Write one file, whole or not at all, as `atomic_folder` does; its folder may be missing.
+
+    Args:
+        path: of the file.
+        text: its content.
+        errors: what is done with characters that UTF-8 does not know.
+    """
+    target = Path(path)
+    with atomic_folder(target.absolute().parent) as build:
+        (build / target.name).write_text(text, encoding="utf-8", errors=errors)
+
+
 def _nearest_folder(path: Path) -> Path:
     """The path itself, or the closest of its parents that exists."""
     path = path.absolute()

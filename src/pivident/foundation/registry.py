@@ -129,8 +129,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         """What an entry point of another distribution names, of the kind of the others."""
         distribution = "" if point.dist is None else point.dist.name
         try:
-            entry = point.load()
-            made = self._instance(entry)
+            made = self._instance(point.load())
         except Exception as error:  # whatever foreign code raises
             why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
             raise BrokenExtension(point.name, self.group, distribution, why) from error

@@ -234,8 +234,10 @@ def least_squares(record: DiscreteRecord, y: np.ndarray) -> tuple[np.ndarray, np
     structure, samples = record.structure, y.size
     output = lfilter(record.fixed, [1.0], y)
     rows = [-lagged(output, range(1, record.free_order + 1))]
-    for u, m in zip(record.data.u, structure.numerator_orders, strict=True):
-        rows.append(lagged(u, range(m + 1)))
+    rows += [
+        lagged(u, range(m + 1))
+        for u, m in zip(record.data.u, structure.numerator_orders, strict=True)
+    ]
     usable = ~_touched(record)
     phi, right = np.concatenate(rows)[:, usable].T, output[usable]
     size = structure.parameters

@@ -58,8 +58,7 @@ def from_control(system: Any, dt: float | None = None, *, hold: Hold = "zoh") ->
             missing or not that of the system.
         MissingExtra: python-control is not installed.
     """
-    control = require("control", extra="linear", purpose="a system of python-control")
-    transfer = control.tf(system)
+    transfer = require("control", extra="linear", purpose="a system of python-control").tf(system)
     if transfer.noutputs != 1:
         raise IdentificationError(
             f"the system has {transfer.noutputs} outputs", advice="convert one output at a time"

@@ -158,11 +158,11 @@ def _below(model: LinearModel) -> list[str]:
         lines += _noise(model.noise)
     if model.fit.samples:
         fit = model.fit
-        lines.append(f"{'residual':<13} variance {model.residual_variance:.4g}")
-        lines.append(
+        lines += [
+            f"{'residual':<13} variance {model.residual_variance:.4g}",
             f"{'fit':<13} R² = {fit.r2:.6f}, YIC = {fit.yic:.2f}, "
-            f"AIC = {fit.aic:.1f}, BIC = {fit.bic:.1f}"
-        )
+            f"AIC = {fit.aic:.1f}, BIC = {fit.bic:.1f}",
+        ]
     if not model.converged:
         lines.append(f"not converged after {model.iterations} iterations")
     return [*lines, *(f"warning: {sentence}" for sentence in model.warnings)]

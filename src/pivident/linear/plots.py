@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import lfilter
 
-from pivident.foundation.document.figure import colour
+from pivident.foundation.document.plot import colour
 from pivident.foundation.extras import require
 from pivident.linear.model import LinearModel, polynomials, response_and_gradient
 from pivident.linear.sampled_data import continuous_response, delayed

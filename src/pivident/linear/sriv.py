@@ -183,8 +183,7 @@ def _iterate(
         noise = fit_noise(at.residual, record.stretches) if fit_noise else None
         white = _whitened(at, record.stretches, noise)
         change, inverse = iv_step(white)
-        freedom = white.residual.size - theta.size
-        variance = float(np.sum(white.residual**2)) / max(freedom, 1)
+        variance = float(np.sum(white.residual**2)) / max(white.residual.size - theta.size, 1)
         now = _Iterate(theta, variance * inverse, variance, noise, iteration, converged, reflected)
         if best is None or converged or variance < best.variance:
             best = now

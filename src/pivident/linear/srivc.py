@@ -42,20 +42,18 @@ from pivident.foundation.errors import IdentificationError, OrdersNotSupported, 
 from pivident.foundation.text.sentences import capital, listed
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.model import Hold, Structure, fit_of, structure_of
-from pivident.linear.operating_point import (
-    NAMED_SHARE,
-    offset_of,
-    share_of_operating_point,
-    with_operating_point,
-)
 from pivident.linear.refined_iv import (
+    NAMED_SHARE,
     Linearised,
     NoiseFit,
     Refined,
     iv_step,
     linearised,
+    offset_of,
     refine,
+    share_of_operating_point,
     simulated_parts,
+    with_operating_point,
 )
 from pivident.linear.sampled_data import SampledData, columns_of, sampled_data
 from pivident.signals.arma import ar, arma
@@ -131,8 +129,7 @@ def srivc(
     def refined(data: SampledData, structure: Structure) -> Refined:
         return refined_from_data(data, structure, tolerance, max_iterations, svf_pole)
 
-    method = "SRIVC" if external is None else "CLSRIVC"
-    return _estimate(method, data, structure, refined, offset)
+    return _estimate("SRIVC" if external is None else "CLSRIVC", data, structure, refined, offset)
 
 
 def _estimate(
@@ -229,10 +226,8 @@ def _from_filter(data: SampledData, structure: Structure, pole: float) -> np.nda
 
 def _least_squares_then_iv(data: SampledData, structure: Structure, pole: float) -> np.ndarray:
     """Both are steps from (A_f, B = 0), where the residual is y itself."""
-    order = structure.denominator_orders[0]
-    filters = np.poly(np.full(order, -pole)).real
-    zeros = [np.zeros(m + 1) for m in structure.numerator_orders]
-    start = structure.joined([filters], zeros)
+    filters = np.poly(np.full(structure.denominator_orders[0], -pole)).real
+    start = structure.joined([filters], [np.zeros(m + 1) for m in structure.numerator_orders])
     at = linearised(data, structure, start, start)
     least_squares, _ = iv_step(Linearised(at.residual, at.regressors, at.regressors))
     auxiliary, _ = structure.stabilised(start + least_squares)
@@ -411,8 +406,7 @@ def rivc(
             fit_noise=_noise_fit(white.residual, noise_order),
         )
 
-    method = "RIVC" if external is None else "CLRIVC"
-    return _estimate(method, data, structure, refined, offset)
+    return _estimate("RIVC" if external is None else "CLRIVC", data, structure, refined, offset)
 
 
 def _noise_fit(residual: np.ndarray, noise_order: tuple[int, int] | None) -> NoiseFit:

@@ -1,6 +1,5 @@
 from .consistency.consistent_model import ConsistentModel as ConsistentModel
 from .consistency.constraints import Bounds as Bounds
-from .consistency.standard_from_base import standard_from_base as standard_from_base
 from .export.c_source import to_c as to_c
 from .export.c_source import verify_c as verify_c
 from .export.formats import export_model as export_model
@@ -10,6 +9,7 @@ from .model_json import read_model as read_model
 from .model_json import to_json as to_json
 from .runnable_model import RunnableModel as RunnableModel
 from .runnable_model import runnable_model as runnable_model
+from .runnable_model import standard_from_base as standard_from_base
 from .stored_model import stored_model as stored_model
 from .symbolic.assignments import Input as Input
 from .symbolic.assignments import Output as Output

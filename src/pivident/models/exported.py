@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pivident.dynamics.robot_regressor import closing_states
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops
-
-if TYPE_CHECKING:
-    pass
-
 
 #: Largest difference of a torque from the model's, relative to the largest torque of its joint,
 #: that counts as equal.

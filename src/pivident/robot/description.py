@@ -24,8 +24,8 @@ import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.foundation.text.display import Printed
+from pivident.foundation.text.identifiers import is_printable
 from pivident.foundation.text.plain_values import Limits, Name
-from pivident.foundation.text.printable import is_printable
 from pivident.robot.constraints import Constraints
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
 from pivident.robot.joints import (
@@ -223,9 +223,7 @@ class Robot(Printed):
     @property
     def places(self) -> tuple[int, ...]:
         """Index of each joint in the `tree`."""
-        if self.constraints is None:
-            return tuple(range(self.size))
-        return self.constraints.places
+        return tuple(range(self.size)) if self.constraints is None else self.constraints.places
 
     @property
     def with_motors(self) -> tuple[int, ...]:

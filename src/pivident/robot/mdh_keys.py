@@ -468,18 +468,22 @@ def _place(loc: Sequence[int | str], content: dict[str, Any]) -> tuple[str, str]
 
 def keys_at(root: type[BaseModel], loc: Sequence[int | str]) -> list[str]:
     """Known keys of the table at a location of a file whose content is ``root``."""
-    model = table_at(root, loc)
-    return [field.alias or name for name, field in model.model_fields.items()]
+    return list(fields_of(table_at(root, loc)))
 
 
 def table_at(root: type[BaseModel], loc: Sequence[int | str]) -> type[BaseModel]:
     """The table at a location of a file."""
     model = root
     for part in loc:
-        fields = {field.alias or name: field for name, field in model.model_fields.items()}
+        fields = fields_of(model)
         if part in fields:
             model = _model_in(fields[str(part)].annotation) or model
     return model
+
+
+def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Fields of a table by the names that a file has, in order."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def addition(root: type[BaseModel], loc: Sequence[int | str]) -> str:

@@ -305,8 +305,7 @@ def _members(
             if names[k] in held or k == base:
                 members.append(_fixed(names[k], parent, placed, link))
             else:
-                joint = _joint(model, k, names[k], parent, placed, friction)
-                members.append(Member(joint, link))
+                members.append(Member(_joint(model, k, names[k], parent, placed, friction), link))
             parent, pose = len(members) - 1, back
         last[b] = parent, pose
     return members, last
@@ -384,7 +383,7 @@ def _check_parents_first(tree: Sequence[Joint], order: Sequence[str]) -> None:
 
 def _nominal_friction(robot: Robot, model: Any, names: Sequence[str]) -> dict[str, float]:
     """Damping, frictionloss and springs by parameter name, where the law has the term."""
-    nominal = {}
+    nominal: dict[str, float] = {}
     for i, joint in enumerate(robot.joints):
         k = names.index(joint.name)
         dof, stiffness = int(model.jnt_dofadr[k]), float(model.jnt_stiffness[k])
@@ -395,7 +394,9 @@ def _nominal_friction(robot: Robot, model: Any, names: Sequence[str]) -> dict[st
             spring().stem: stiffness,
             "off": -stiffness * rest,
         }
-        for term in joint.friction.terms:
-            if values.get(term.stem):
-                nominal[f"{term.stem}{robot.label(i)}"] = values[term.stem]
+        nominal |= {
+            f"{term.stem}{robot.label(i)}": values[term.stem]
+            for term in joint.friction.terms
+            if values.get(term.stem)
+        }
     return nominal

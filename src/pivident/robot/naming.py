@@ -77,5 +77,4 @@ def errors_name(source: str) -> Iterator[None]:
     try:
         yield
     except RobotDescriptionError as error:
-        named = RobotDescriptionError.of_part(f"{source}: ", error)
-        raise named.about(*error.place) from error
+        raise RobotDescriptionError.of_part(f"{source}: ", error).about(*error.place) from error

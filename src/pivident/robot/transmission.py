@@ -65,8 +65,7 @@ class Transmission(Displayed):
         Returns:
             Ratios of one, zero offsets.
         """
-        none = np.zeros(joints, dtype=bool)
-        return cls(np.eye(joints), np.ones(joints), np.zeros(joints), none)
+        return cls(np.eye(joints), np.ones(joints), np.zeros(joints), np.zeros(joints, dtype=bool))
 
     def first(self, joints: int) -> Transmission:
         """That of the first joints, for logs with fewer of them.

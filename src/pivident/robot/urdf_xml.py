@@ -361,10 +361,9 @@ def _number(text: str, where: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        if "$" in text:
-            advice = f"this looks like xacro: {expand_xacro()}"
-        else:
-            advice = "write a decimal number"
+        advice = (
+            f"this looks like xacro: {expand_xacro()}" if "$" in text else "write a decimal number"
+        )
         raise RobotDescriptionError(f"{where} = {text!r} is not a number", advice=advice) from None
     if not math.isfinite(value):
         raise RobotDescriptionError(

@@ -234,8 +234,7 @@ def _bounds(v: np.ndarray, p: int, q: int, segments: np.ndarray | None) -> np.nd
     """Rows (start, stop) of the stretches that are long enough for the model."""
     rows = [[0, v.size]] if segments is None else segments
     bounds = np.array(rows, dtype=np.int64).reshape(-1, 2)
-    lengths = bounds[:, 1] - bounds[:, 0]
-    used = bounds[lengths > 2 * (p + q)]
+    used = bounds[bounds[:, 1] - bounds[:, 0] > 2 * (p + q)]
     if not carries(used, p, q):
         samples, needed = int(np.diff(used).sum()), _SAMPLES * (p + q + 1)
         raise IdentificationError(

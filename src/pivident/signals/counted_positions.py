@@ -63,8 +63,7 @@ def counting_stretches(y: np.ndarray, rate: float) -> list[slice]:
     changes = np.flatnonzero(np.diff(y)) + 1
     if changes.size == 0:
         return []
-    pause = max(MIN_SAMPLES, round(MAX_PAUSE * rate))
-    breaks = np.flatnonzero(np.diff(changes) > pause)
+    breaks = np.flatnonzero(np.diff(changes) > max(MIN_SAMPLES, round(MAX_PAUSE * rate)))
     first = changes[np.concatenate([[0], breaks + 1])]
     last = changes[np.concatenate([breaks, [changes.size - 1]])]
     shortest = max(MIN_STRETCH_SAMPLES, math.ceil(MIN_STRETCH * rate))

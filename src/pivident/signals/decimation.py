@@ -189,8 +189,7 @@ def _reach(stage: int) -> int:
     One run suffices: the backward run carries the error of the forward run at the start towards
     the start only, and the end is the mirror image.
     """
-    length = 4000 * stage
-    impulse = np.zeros(length)
+    impulse = np.zeros(4000 * stage)
     impulse[0] = 1
     response = run_sections(_sections(stage), impulse)
     tail = np.cumsum(np.abs(response[::-1]))[::-1]

@@ -187,10 +187,9 @@ def irwsm(
     signal = np.asarray(y, dtype=float)
     if signal.ndim == 2:
         return smooth_channels(signal, rate, order, nvr, passes, f50_max=f50_max)
-    whole = smooth_channels(
+    return smooth_channels(
         np.atleast_1d(signal)[:, None], rate, order, nvr, passes, f50_max=f50_max, threads=1
-    )
-    return whole.channel(0)
+    ).channel(0)
 
 
 def smooth_channels(

@@ -147,8 +147,7 @@ class Bins:
         level = median_filter(self.spectrum, length)
         if total is not None:
             for _ in range(_BACKGROUND_ROUNDS):
-                cleaned = self.spectrum * level / (level + total)
-                level = median_filter(cleaned, length)
+                level = median_filter(self.spectrum * level / (level + total), length)
         return level
 
     def around(self, i: int) -> tuple[float, float]:
@@ -226,8 +225,7 @@ def noise_colour(found: LineSearch, rate: float) -> NoiseColour:
         for j, (a, _) in enumerate(parts):
             if j != i:
                 others = np.convolve(others, a)
-        share = variance / found.floor * np.convolve(others, others[::-1])
-        numerator[2:-2] += share
+        numerator[2:-2] += variance / found.floor * np.convolve(others, others[::-1])
     roots = np.roots(numerator)
     inside = roots[np.argsort(np.abs(roots))][: len(ar) - 1]
     ma = np.atleast_1d(np.real(np.poly(inside)))
@@ -287,8 +285,7 @@ def _measure(
     total = known
     line = None
     for _ in range(_ROUNDS):
-        level = bins.background(total) + known
-        below = np.exp(np.interp(near, bins.centre, np.log(level)))
+        below = np.exp(np.interp(near, bins.centre, np.log(bins.background(total) + known)))
         (f0, width, peak), gain = _fit_line(guess, bin_width, near, samples, below)
         significant = _INDEPENDENT * gain > 1.5 * math.log(periodogram.size)
         inside = abs(f0 - guess) < 3.0 * bin_width

@@ -1,9 +1,9 @@
 from . import figures as figures
 from .collision.bodies import Body as Body
+from .collision.bodies import Obstacle as Obstacle
 from .collision.bodies import Outline as Outline
+from .collision.bodies import ToolBox as ToolBox
 from .collision.clearances import Clearances as Clearances
-from .collision.obstacles import Obstacle as Obstacle
-from .collision.obstacles import ToolBox as ToolBox
 from .collision.outlines import outline_of as outline_of
 from .collision.room import built_apart as built_apart
 from .collision.room import clearances_of_room as clearances_of_room
@@ -17,7 +17,7 @@ from .excitation.design import LimitUse as LimitUse
 from .excitation.design import PredictedError as PredictedError
 from .excitation.design_file import DesignFileError as DesignFileError
 from .excitation.design_file import load_design as load_design
-from .excitation.design_folder import write_design as write_design
+from .excitation.design_file import write_design as write_design
 from .excitation.design_motion import design_motion as design_motion
 from .excitation.followed_motion import FollowedMotion as FollowedMotion
 from .excitation.followed_motion import followed_motion as followed_motion

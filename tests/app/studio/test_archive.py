@@ -5,9 +5,9 @@ import zipfile
 
 import pytest
 
-from pivident.app.studio import archive
-from pivident.app.studio.archive import open_archive, pack
+from pivident.app.studio import uploads
 from pivident.app.studio.projects import EXPERIMENT, ProjectError, Projects
+from pivident.app.studio.uploads import open_archive, pack
 
 FILES = {
     EXPERIMENT: b"# text\r\n",
@@ -81,7 +81,7 @@ def test_links_are_refused(tmp_path):
 
 
 def test_bombs_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(archive, "MAX_BYTES", 10_000)
+    monkeypatch.setattr(uploads, "MAX_BYTES", 10_000)
     with zipfile.ZipFile(tmp_path / "a.zip", "w", zipfile.ZIP_DEFLATED) as bomb:
         bomb.writestr(EXPERIMENT, b"")
         bomb.writestr("log.csv", b"0" * 20_000)

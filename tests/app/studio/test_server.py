@@ -41,8 +41,8 @@ def version(client):
 
 
 def test_every_method_is_described():
-    from pivident.app.studio.methods import method_context
     from pivident.app.studio.projects import Content
+    from pivident.app.studio.view import method_context
     from pivident.estimation.methods import METHODS
 
     groups = method_context(Content("recording = {files = 'log.csv'}"), {}, [])["groups"]

@@ -10,11 +10,9 @@ from pivident.data.recording.recording import Recording
 from pivident.estimation.identification_file import to_dict
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
-from pivident.estimation.literature.adaline import Adaline
 from pivident.estimation.literature.frequency_domain import FrequencyDomain
-from pivident.estimation.literature.hopfield import Hopfield
-from pivident.estimation.literature.prior_regression import PriorRegression
-from pivident.estimation.literature.ridge import Ridge
+from pivident.estimation.literature.neural_networks import Adaline, Hopfield
+from pivident.estimation.literature.penalised_regression import PriorRegression, Ridge
 from pivident.estimation.literature.robust_regression import RobustRegression
 from pivident.estimation.literature.rows import Regression
 from pivident.estimation.literature.set_membership import SetMembership

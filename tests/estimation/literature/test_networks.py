@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from pivident.estimation.literature.adaline import solve_adaline
-from pivident.estimation.literature.hopfield import solve_hopfield
+from pivident.estimation.literature.neural_networks import solve_adaline, solve_hopfield
 from pivident.estimation.literature.rows import NormalEquations
 from tests.estimation.literature.made_rows import TRUTH, made, rows_of
 

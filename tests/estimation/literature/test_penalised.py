@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from pivident.estimation.literature.prior_regression import contradiction, solve_with_prior
-from pivident.estimation.literature.ridge import solve_ridge
+from pivident.estimation.literature.penalised_regression import (
+    contradiction,
+    solve_ridge,
+    solve_with_prior,
+)
 from pivident.estimation.literature.rows import NormalEquations
 from tests.estimation.literature.made_rows import TRUTH, made, rows_of, stacked
 

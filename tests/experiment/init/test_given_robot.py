@@ -6,7 +6,7 @@ import pytest
 from pivident.experiment.experiment import load_experiment
 from pivident.experiment.init.assumption import DraftError
 from pivident.experiment.init.draft import draft_experiment
-from pivident.experiment.init.given_robot import given_body, given_gravity
+from pivident.experiment.init.kept_joints import given_body, given_gravity
 from pivident.foundation.errors import PividentError
 from pivident.foundation.text.toml import parse_toml
 from pivident.robot.gallery import load_robot

@@ -10,7 +10,7 @@ import pytest
 
 from pivident.foundation.document.curves import Curve, Curves, compared, torque_axis
 from pivident.foundation.document.document import Accounted, Document, Part
-from pivident.foundation.document.figure import ERROR, MEASURED, METHOD_COLOURS, drawn
+from pivident.foundation.document.plot import ERROR, MEASURED, METHOD_COLOURS, drawn
 from pivident.foundation.document.table import Column, Table, TableError
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.plain_values import plain

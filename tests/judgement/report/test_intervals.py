@@ -3,7 +3,7 @@ import math
 import pytest
 
 from pivident.estimation.parameter_rows import ParameterRow
-from pivident.foundation.document.figure import METHOD_COLOURS
+from pivident.foundation.document.plot import METHOD_COLOURS
 from pivident.judgement.report.intervals import MARKERS, ConsistentValue, interval_drawing, marker
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from pivident.foundation.document.figure import Figure
-from pivident.foundation.document.plot import LEGEND, Plot
+from pivident.foundation.document.plot import LEGEND, Figure, Plot
 from pivident.judgement.report.builder import page_environment
 
 

@@ -5,7 +5,7 @@ import sys
 import pytest
 from jinja2 import DictLoader, Environment
 
-from pivident.judgement.report.template_cache import TemplateCache
+from pivident.judgement.report.builder import TemplateCache
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ import pytest
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
-from pivident.models.consistency.standard_from_base import standard_from_base
+from pivident.models.runnable_model import standard_from_base
 from pivident.robot.gallery import load_robot
 
 

@@ -5,9 +5,8 @@ from pivident.foundation.errors import ExperimentError, RobotDescriptionError
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import parse_urdf, read_urdf
-from pivident.studies.collision.bodies import Body, LinkPoses
+from pivident.studies.collision.bodies import Body, LinkPoses, Obstacle, ToolBox
 from pivident.studies.collision.clearances import Clearances
-from pivident.studies.collision.obstacles import Obstacle, ToolBox
 from pivident.studies.collision.outlines import outline_of
 from pivident.studies.collision.pairs import random_postures, swept_ball
 from pivident.studies.collision.room import built_apart, exact_distances

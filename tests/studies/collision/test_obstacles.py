@@ -6,14 +6,14 @@ from pivident.experiment.excite_keys import ObstacleEntry, RoomEntry
 from pivident.foundation.errors import ExperimentError
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.gallery import load_robot
-from pivident.studies.collision.bodies import Body
-from pivident.studies.collision.clearances import Clearances
-from pivident.studies.collision.distances import axis_distances
-from pivident.studies.collision.obstacles import (
+from pivident.studies.collision.bodies import (
+    Body,
     Obstacle,
     ToolBox,
     upward,
 )
+from pivident.studies.collision.clearances import Clearances
+from pivident.studies.collision.distances import axis_distances
 from pivident.studies.collision.room import (
     clearances_of_room,
     obstacles_of_entries,

@@ -8,8 +8,7 @@ import numpy as np
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.robot.gallery import load_robot
-from pivident.studies.collision.bodies import Body
-from pivident.studies.collision.obstacles import Obstacle
+from pivident.studies.collision.bodies import Body, Obstacle
 from pivident.studies.excitation.design import (
     PAGE_RATE,
     ClearanceUse,

@@ -7,13 +7,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from pivident.studies.collision.obstacles import Obstacle
+from pivident.studies.collision.bodies import Obstacle
 from pivident.studies.excitation.design_figures import (
     errors_figure,
     motion_figure,
     predicted_correlation,
 )
-from pivident.studies.excitation.design_folder import write_design
+from pivident.studies.excitation.design_file import write_design
 from pivident.studies.excitation.design_view import (
     DesignFile,
     next_commands,

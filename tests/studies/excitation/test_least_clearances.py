@@ -5,7 +5,7 @@ import pytest
 
 from pivident.robot.gallery import load_robot
 from pivident.studies import Body, Clearances, outline_of
-from pivident.studies.collision.obstacles import Obstacle
+from pivident.studies.collision.bodies import Obstacle
 from pivident.studies.excitation.checked_motion import TOLERANCE, least_clearances
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pivident.app.cli.console import DONE, FAULTY_LOG, Progress, print_findings
+from pivident.app.cli.console import DONE, FAULTY_LOG, Progress, can_draw, print_findings
 from pivident.foundation.text.finding import counted, serious
 from pivident.foundation.text.plain_values import write_json
 from pivident.foundation.text.sentences import separated
@@ -42,7 +42,6 @@ def audit(
     out
         Folder for audit.json and audit.html. Default: NAME-audit for NAME.csv.
     """
-    from pivident.app.cli.console import can_draw
     from pivident.experiment.check.audit_file import audit_file
     from pivident.foundation.files import atomic_folder, check_output
     from pivident.judgement.audit.audit import audits_json

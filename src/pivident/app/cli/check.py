@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from pivident.app.cli.console import BEGUN, DONE, FAULTY_LOG, WRONG_INPUT, Progress, print_findings
 from pivident.foundation.text.finding import counted
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
 
 if TYPE_CHECKING:
     from pivident.experiment.check.experiment_check import ExperimentCheck

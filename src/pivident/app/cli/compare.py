@@ -37,8 +37,7 @@ def compare(
 
     if out is not None:
         check_output(out)
-    labels = None if names is None else names.split(",")
-    found = compare_results(results, labels, alpha=level)
+    found = compare_results(results, None if names is None else names.split(","), alpha=level)
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
     print(comparison_text(found, width))
     if out is not None:

@@ -34,8 +34,8 @@ from pivident.foundation.errors import ExperimentError, PividentError, in_words
 from pivident.foundation.extras import is_installed
 from pivident.foundation.registry import ExtensionWarning
 from pivident.foundation.text.finding import Finding, Severity
+from pivident.foundation.text.identifiers import escaped
 from pivident.foundation.text.plain_values import plain, strict_json
-from pivident.foundation.text.printable import escaped
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

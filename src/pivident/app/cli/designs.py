@@ -12,6 +12,7 @@ from pivident.estimation.identification import Identification
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.recording_tables import design_file
 from pivident.foundation.errors import PividentError
+from pivident.foundation.text.plain_values import write_json
 
 if TYPE_CHECKING:
     from pivident.studies.excitation.reached import ReachedErrors
@@ -57,7 +58,6 @@ def write_designs(found: Sequence[ReachedErrors], build: Path) -> None:
     """The comparisons as text and as JSON; nothing where there is none."""
     if not found:
         return
-    from pivident.foundation.text.plain_values import write_json
 
     text = "\n\n".join(map(str, found))
     (build / TEXT_FILE).write_text(f"{text}\n", encoding="utf-8", errors="backslashreplace")

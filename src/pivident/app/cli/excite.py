@@ -93,7 +93,7 @@ def excite(
     from pivident.foundation.files import check_output
     from pivident.robot.refusals import without_loops
     from pivident.studies.collision.room import clearances_of_room
-    from pivident.studies.excitation.design_folder import RATE, check_rate, write_design
+    from pivident.studies.excitation.design_file import RATE, check_rate, write_design
     from pivident.studies.excitation.design_motion import DESIGNED_ELSEWHERE, design_motion
     from pivident.studies.excitation.request import limits_of, question_of, torque_noise_of
 

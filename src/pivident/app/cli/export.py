@@ -1,4 +1,7 @@
-"""The command ``pivident export``: an identified model in the format of another program."""
+"""The command ``pivident export``: an identified model in the format of another program.
+
+``pivident export --to rrd``: the motion of a log, with measured and modelled torques.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from pivident.app.cli.console import Progress
+from pivident.foundation.errors import ExportError
+from pivident.foundation.extras import require
 
 if TYPE_CHECKING:
     from pivident.models.exported import ExportedText, Verification
@@ -58,7 +63,6 @@ def export(
     check
         Load the file back where a program for it is installed, and compare torques.
     """
-    from pivident.foundation.errors import ExportError
     from pivident.foundation.files import check_output
     from pivident.judgement.diagnostics.stored_verdict import result_of, said_against
     from pivident.models.export.formats import FORMATS, export_model, verify_export
@@ -72,8 +76,6 @@ def export(
     if log is not None and to != "rrd":
         raise ExportError("--log is for --to rrd", advice=f"{to} holds no motion, leave it out")
     if to == "rrd":
-        from pivident.app.cli.export_rerun import export_rerun
-
         if free:
             raise ExportError(
                 "--free is for models", advice="leave it out, rrd shows the result named"
@@ -123,7 +125,6 @@ def check_targets(
     ``sources`` are the SHA-256 of the files that were identified.
     """
     from pivident.data.logs.source_files import sha256
-    from pivident.foundation.errors import ExportError
 
     for name in exported.further:
         if name.casefold() == out.name.casefold():
@@ -169,6 +170,49 @@ def export_text(
         *(f"  · {note}" for note in model.notes),
     ]
     if exported.differences:
-        lines.append(f"What {title} cannot represent, or represents differently:")
-        lines += [f"  · {sentence}" for sentence in exported.differences]
+        lines += [
+            f"What {title} cannot represent, or represents differently:",
+            *(f"  · {sentence}" for sentence in exported.differences),
+        ]
     return "\n".join(lines)
+
+
+def export_rerun(result: Path, log: Path | None, out: Path) -> None:
+    """Predict the torques of a log by a result, and write all of it as a file of Rerun.
+
+    Args:
+        result: of `pivident identify`.
+        log: the log, or an experiment file that describes it.
+        out: the file.
+
+    Raises:
+        ExportError: no log is named, or the file would replace it.
+        MissingExtra: rerun-sdk is not installed.
+    """
+    from pivident.foundation.files import check_output
+    from pivident.studies.prediction.new_logs import new_logs, stored_result
+    from pivident.studies.prediction.rerun_recording import write_rerun
+
+    if log is None:
+        raise ExportError(
+            "--to rrd shows a motion: name its log, or the experiment file that was identified, "
+            "with --log"
+        )
+    if out.suffix != ".rrd":
+        raise ExportError(
+            f"{out.name} is no name of a file of Rerun", advice="give --out one with .rrd"
+        )
+    require("rerun", extra="rerun", purpose="a file of Rerun")
+    check_output(out.absolute().parent)
+    with Progress() as progress:
+        progress.say(f"reading {result}")
+        stored = stored_result(result)
+        progress.say(f"reading {log}")
+        logs = list(new_logs(log, stored))
+        progress.say("predicting")
+        made = [stored.predict(new.recording) for new in logs]
+        progress.say("writing the file of Rerun")
+        write_rerun(made, out)
+    for one in made:
+        print(f"{one.account().body}\n")
+    print(f"Written: {out} (Rerun; rerun {out} shows it)")

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Literal
 
 from pivident.app.cli.console import Progress, name_bodies, note
+from pivident.foundation.extras import is_installed
+from pivident.foundation.text.sentences import separated
 
 
 def fit_simulator(
@@ -39,9 +41,7 @@ def fit_simulator(
         Folder for the results. Default: NAME-simulator for NAME.toml.
     """
     from pivident.experiment.experiment import load_experiment
-    from pivident.foundation.extras import is_installed
     from pivident.foundation.files import check_output
-    from pivident.foundation.text.sentences import separated
     from pivident.robot.mjcf_model import mujoco_library
     from pivident.studies.simulators.account import account, file_name
     from pivident.studies.simulators.joint_quantities import DEFAULT_QUANTITIES

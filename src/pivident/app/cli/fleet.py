@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from pivident.app.cli.console import Progress, chosen_pool, note
+from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.identifiers import escaped
 
 if TYPE_CHECKING:
     from pivident.studies.many.fleet.judgement import Judgement
@@ -51,7 +53,6 @@ def fleet(
         Use the Dask cluster of the scheduler at this address, tcp://host:8786; its workers read
         the logs, so they must see the folder.
     """
-    from pivident.foundation.errors import ExperimentError
     from pivident.foundation.files import check_output
     from pivident.studies.many.fleet.conclusion import conclude_fleet
     from pivident.studies.many.fleet.identify_fleet import default_out, identify_fleet, template_of
@@ -83,7 +84,6 @@ def fleet(
 
 def _print(judgement: Judgement, place: Path) -> None:
     """Alarms, what they promise, what could not be judged, and where the files are."""
-    from pivident.foundation.text.printable import escaped
     from pivident.studies.many.fleet.conclusion import ALARMS, PAGE, PARAMETERS
     from pivident.studies.many.fleet.judgement import judgement_text
 

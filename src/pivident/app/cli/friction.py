@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pivident.app.cli.console import Progress, note
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.extras import require
+from pivident.foundation.text.finding import MARKS
 
 if TYPE_CHECKING:
     from pivident.studies.friction.friction_study import FrictionStudy
@@ -74,13 +75,11 @@ def run_friction(
         problem = experiment.problem(progress.say)
         own = list(experiment.methods())
         name = method or ("iv-full-rate" if "iv-full-rate" in own else own[-1])
-        chosen = experiment.methods([name])[name]
-        found = identify(problem, chosen, progress.say)
+        found = identify(problem, experiment.methods([name])[name], progress.say)
         study = study_friction(problem, found, standstill=standstill, progress=progress.say)
         if ripple:
             progress.say("searching for ripple")
-            lines = find_ripple(found, problem.recordings)
-            study = replace(study, ripple=lines)
+            study = replace(study, ripple=find_ripple(found, problem.recordings))
         progress.say("writing the page")
         page = write_friction(study, folder, f"{experiment.title}: friction")
     print_friction(study)
@@ -95,7 +94,6 @@ def run_friction(
 
 def print_friction(study: FrictionStudy) -> None:
     """What stands out for each joint, then the sentences behind it."""
-    from pivident.foundation.text.finding import MARKS
     from pivident.studies.friction.effects import headline
 
     for joint in study.joints:

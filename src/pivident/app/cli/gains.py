@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pivident.app.cli.console import Progress, name_bodies
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.numbers import plain_table, plus_minus, with_spread
 
 if TYPE_CHECKING:
     from pivident.estimation.drives.log_units import GainGroup, MotorInLogUnits
@@ -38,7 +38,7 @@ def gains(
     """
     from pivident.experiment.experiment import load_experiment
     from pivident.experiment.gains_table import gains_of, lines_for_file
-    from pivident.foundation.files import check_output
+    from pivident.foundation.files import check_output, write_file
 
     if out is not None and out.exists():
         raise ExperimentError(f"{out} is there already", advice="name another file for the gains")
@@ -60,16 +60,8 @@ def gains(
     if out is not None:
         if not lines:
             raise ExperimentError(f"no gain is known, so there is nothing to write to {out}")
-        _write(out, lines)
+        write_file(out, "\n".join(lines) + "\n")
     return 0
-
-
-def _write(out: Path, lines: Sequence[str]) -> None:
-    """Write the lines for the experiment file, all or nothing."""
-    from pivident.foundation.files import atomic_folder
-
-    with atomic_folder(out.parent) as build:
-        (build / out.name).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def gains_text(found: GainsOfExperiment) -> str:
@@ -85,9 +77,6 @@ def gains_text(found: GainsOfExperiment) -> str:
 
 def _gain_table(found: GainsOfExperiment) -> str:
     """One line for each joint."""
-    from pivident.foundation.text.numbers import plus_minus, with_spread
-    from pivident.foundation.text.plain_table import plain_table
-
     result, known = found.gains, found.gains.anchored
     group_of = {m: g for g in result.groups for m in g.motors}
     gain, interval, unit, against, declared = [], [], [], [], []
@@ -136,9 +125,6 @@ LEAST_SQUARES = {
 
 def least_squares_text(found: GainsOfExperiment) -> str:
     """Gains by the least squares of the literature, which need a payload or a trusted parameter."""
-    from pivident.foundation.text.numbers import plus_minus
-    from pivident.foundation.text.plain_table import plain_table
-
     if not found.gains.literature:
         return "No weighted or total least squares: they need a known payload or parameter."
     scale = [d.value for d in found.declared]
@@ -227,9 +213,6 @@ def _remedy(found: GainsOfExperiment, whose: str) -> str:
 
 def _temperature_table(found: GainsOfExperiment) -> str:
     """Temperature coefficients, and whether they were worth it."""
-    from pivident.foundation.text.numbers import with_spread
-    from pivident.foundation.text.plain_table import plain_table
-
     rows = found.temperatures
     scale, unit = (100.0, "%/K") if rows[0].unit == "1/K" else (100.0 * 3600.0, "%/h")
     texts = [with_spread(scale * r.coefficient, 2 * scale * r.std) for r in rows]
@@ -249,8 +232,6 @@ def _temperature_table(found: GainsOfExperiment) -> str:
 def _gear_table(found: GainsOfExperiment) -> str:
     """What the torques before and behind each gear say of it."""
     from pivident.estimation.drives.gear_losses import QUANTITIES
-    from pivident.foundation.text.numbers import plus_minus
-    from pivident.foundation.text.plain_table import plain_table
 
     gears, units = found.gears, ("", "", "kg m²", "N m s/rad", "N m", "N m")
     columns = [("gear of", "<", [gear.joint for gear in gears])]
@@ -281,9 +262,6 @@ def _rows_in_log_units(experiment: Experiment) -> tuple[MotorInLogUnits, ...]:
 
 def log_units_text(row: MotorInLogUnits) -> str:
     """Parameters of one motor, each divided by its gain."""
-    from pivident.foundation.text.numbers import with_spread
-    from pivident.foundation.text.plain_table import plain_table
-
     texts = [with_spread(v, 2 * s) for v, s in zip(row.values, row.std, strict=True)]
     table = plain_table(
         [

@@ -12,6 +12,8 @@ from cyclopts import Parameter
 
 from pivident.app.cli.console import DONE, FAULTY_LOG, Progress, UsageError, note
 from pivident.app.cli.excite import excite
+from pivident.foundation.errors import PividentError
+from pivident.foundation.text.identifiers import escaped
 from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:
@@ -109,7 +111,7 @@ def run_init(
     """
     from pivident.app.cli.compile_ahead import compile_in_first_run
     from pivident.experiment.init.draft import draft_experiment
-    from pivident.foundation.files import atomic_folder
+    from pivident.foundation.files import write_file
 
     check_target(out, logs, robot, force)
     compile_in_first_run()
@@ -133,8 +135,7 @@ def run_init(
             break
         for question in open_questions:
             answers[question.about] = _asked(question)
-    with atomic_folder(out.absolute().parent) as build:
-        (build / out.name).write_text(draft.text, encoding="utf-8")
+    write_file(out, draft.text)
     print_draft(draft, out)
     return not draft.troubles
 
@@ -159,8 +160,6 @@ def design_first(robot: str) -> bool:
 
 def check_target(out: Path, logs: Sequence[Path], robot: str | None, force: bool) -> None:
     """Refuse to overwrite an experiment file that exists, or one of the inputs."""
-    from pivident.foundation.errors import PividentError
-
     if out.suffix != ".toml":
         raise PividentError(f"--out {out} must end with .toml", advice="choose another name")
     inputs = [*logs, *([Path(robot)] if robot else [])]
@@ -182,7 +181,6 @@ def print_draft(draft: Draft, out: Path) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from pivident.foundation.text.printable import escaped
     from pivident.foundation.text.toml import value_text
 
     console = Console(highlight=False)

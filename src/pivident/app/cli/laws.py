@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from pivident.app.cli.console import Progress, note
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.files import atomic_folder
+from pivident.foundation.files import write_file
 from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:
@@ -84,15 +84,13 @@ def laws(
     print(f"\n{checked}")
     lines = choice.toml()
     if lines and out is not None:
-        with atomic_folder(out.parent) as build:
-            (build / out.name).write_text(f"{lines}\n", encoding="utf-8")
-    if not lines:
-        note("no law predicts significantly better than the present ones")
-    else:
-        note(
-            f"[robot.joint_friction] belongs in {experiment.name}; where that says "
-            'robot = "NAME", write [robot] with model = "NAME" below it'
-        )
+        write_file(out, f"{lines}\n")
+    note(
+        f"[robot.joint_friction] belongs in {experiment.name}; where that says "
+        'robot = "NAME", write [robot] with model = "NAME" below it'
+        if lines
+        else "no law predicts significantly better than the present ones"
+    )
     return 0
 
 
@@ -100,7 +98,7 @@ def _checked(problem: Problem, choice: LawChoice, method: Method | None, unseen:
     """Errors on motion that was not fitted, of the whole robot before and after."""
     from pivident.estimation.least_squares import LeastSquares
     from pivident.estimation.signal_recipes import RandomWalk
-    from pivident.foundation.text.plain_table import plain_table
+    from pivident.foundation.text.numbers import plain_table
     from pivident.judgement.validation.held_out.cross_validation import cross_validate
 
     method = method or LeastSquares(signals=RandomWalk())
@@ -109,12 +107,11 @@ def _checked(problem: Problem, choice: LawChoice, method: Method | None, unseen:
         judged = cross_validate(own, method, recording=unseen or None)
         replay = "–" if judged.replay is None else f"{judged.replay.total:.2f}"
         rows.append((name, f"{judged.prediction.total_in_band:.2f}", replay))
-    band = judged.prediction.band
     what = "another recording" if unseen else "5 blocks"
     return plain_table(
         [
             (f"held-out error on {what}", "<", [r[0] for r in rows]),
-            (f"torque % < {band:g} Hz", ".", [r[1] for r in rows]),
+            (f"torque % < {judged.prediction.band:g} Hz", ".", [r[1] for r in rows]),
             ("simulated loop %", ".", [r[2] for r in rows]),
         ]
     )

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from pivident.app.cli.console import Progress, check_count, chosen_pool
+from pivident.app.cli.console import Progress, check_count, chosen_pool, note
 
 
 def paper(
@@ -40,7 +40,6 @@ def paper(
     workers
         Processes on this machine. Default: one for each core.
     """
-    from pivident.app.cli.console import note
     from pivident.studies.paper.page import STUDY, make_page
 
     check_count("--runs", runs)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pivident.app.cli.console import Progress, name_bodies, print_findings
+from pivident.app.cli.console import Progress, can_draw, name_bodies, print_findings
 from pivident.foundation.errors import ExperimentError
 
 
@@ -40,7 +40,6 @@ def predict(
     html
         File for a page with the errors and a drawing of each joint's torque.
     """
-    from pivident.app.cli.console import can_draw
     from pivident.foundation.files import check_output
     from pivident.studies.prediction.new_logs import new_logs, stored_result
 

@@ -9,8 +9,8 @@ from textwrap import indent
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
-from pivident.foundation.text.plain_table import plain_table
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
+from pivident.foundation.text.numbers import plain_table
 from pivident.foundation.text.sentences import plural
 from pivident.robot.description import Joint, Robot
 from pivident.robot.gallery import gallery_names, load_robot
@@ -60,8 +60,7 @@ def _limits(joint: Joint) -> tuple[str, str]:
     scale, unit = (180.0 / math.pi, "°") if revolute else (1.0, " m")
     limits = joint.position_limits
     reach = "–" if limits is None else f"{scale * limits[0]:.4g} … {scale * limits[1]:.4g}{unit}"
-    speed = "–" if joint.rated_speed is None else f"{scale * joint.rated_speed:.4g}{unit}/s"
-    return reach, speed
+    return reach, "–" if joint.rated_speed is None else f"{scale * joint.rated_speed:.4g}{unit}/s"
 
 
 def _drives(robot: Robot) -> str:
@@ -95,10 +94,12 @@ def _drives(robot: Robot) -> str:
 def _parameters(base: BaseParameters) -> str:
     """Base parameters with unit and group."""
     rows = [("name", "unit", "group")]
-    for name, parameter, expression in zip(
-        base.names, base.parameters, base.expressions, strict=True
-    ):
-        rows.append((name, parameter.unit, expression))
+    rows += [
+        (name, parameter.unit, expression)
+        for name, parameter, expression in zip(
+            base.names, base.parameters, base.expressions, strict=True
+        )
+    ]
     silent = [base.standard[k].name for k in base.without_effect]
     lines = [f"{len(base)} base parameters of {len(base.standard)} standard ones", _table(rows)]
     if silent:

@@ -68,8 +68,7 @@ def study(
     conditions = chosen.chosen_conditions(condition)
     folder = out or Path(f"{chosen.name}-study")
     check_output(folder)
-    pool = chosen_pool(workers, dask, scheduler)
-    summaries = _compute(chosen, conditions, folder, pool)
+    summaries = _compute(chosen, conditions, folder, chosen_pool(workers, dask, scheduler))
     if any(m.runs for summary in summaries.values() for m in summary.methods.values()):
         return 0
     note("error: no run gave an estimate; the table shows why")

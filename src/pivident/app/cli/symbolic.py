@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from pivident.app.cli.console import note
 from pivident.foundation.errors import PividentError
-from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.numbers import plain_table
 from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:

@@ -40,6 +40,7 @@ from pivident.experiment.check.plan import (
     simulates,
     time_before,
 )
+from pivident.experiment.experiment import load_experiment
 from pivident.foundation.common_work import shared_work
 from pivident.foundation.errors import Attempts, PividentError
 from pivident.foundation.files import atomic_folder, check_output
@@ -124,8 +125,6 @@ def run_experiment(
     judges them. Without names, the methods are those of the file, and so are the kinds of causes
     that are corrected with the estimate.
     """
-    from pivident.experiment.experiment import load_experiment
-
     with Progress() as progress:
         attempts = Attempts(progress.keep)
         experiment, hashed = load_experiment(path), sha256(path)
@@ -145,8 +144,7 @@ def run_experiment(
         if experiment.has_open_friction:
             from pivident.studies.friction.bearing_friction import bearing_friction
 
-            recipe = experiment.methods(["ls"])["ls"]
-            problem = bearing_friction(problem, recipe, progress.say)
+            problem = bearing_friction(problem, experiment.methods(["ls"])["ls"], progress.say)
         if experiment.content.identify.shapes == "identify":
             from pivident.studies.friction_laws.shapes import identify_shapes
 

@@ -26,8 +26,8 @@ from pivident.foundation.document.document import Accounted, Document
 from pivident.foundation.document.table import Table
 from pivident.foundation.text.display import MAX_LINE, fields_in_words
 from pivident.foundation.text.finding import MARKS
+from pivident.foundation.text.identifiers import escaped
 from pivident.foundation.text.numbers import format_exact, format_significant, percent
-from pivident.foundation.text.printable import escaped
 from pivident.judgement.diagnostics.verdict import Verdict
 from pivident.judgement.report.intervals import interval_drawing
 from pivident.robot.description import Robot
@@ -205,8 +205,7 @@ def _environment() -> Environment:
 
 
 def _rendered(name: str, **content: Any) -> str:
-    text = _environment().get_template(f"{name}.html").render(content)
-    return escaped(text)
+    return escaped(_environment().get_template(f"{name}.html").render(content))
 
 
 def _masses(robot: Robot) -> list[str]:

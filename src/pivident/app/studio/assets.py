@@ -48,8 +48,7 @@ def asset(name: str) -> tuple[bytes, str, str]:
     """Content, media type, and a mark that changes with the content."""
     make: Callable[[], str] = library_text if name == "plotly.js" else lambda: _put_together(name)
     content = make().encode("utf-8")
-    mark = hashlib.sha256(content).hexdigest()[:16]
-    return content, _KINDS[name.rpartition(".")[2]], mark
+    return content, _KINDS[name.rpartition(".")[2]], hashlib.sha256(content).hexdigest()[:16]
 
 
 def asset_address(name: str) -> str:

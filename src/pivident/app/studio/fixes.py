@@ -4,6 +4,7 @@ A remark carries its repairs as data; here they become the buttons beside it. Th
 contradicts are left out, and a remark that leaves open what is right has none.
 
 Repairs that a verdict has tried, applied to the experiment file as ``pivident apply`` does.
+Friction laws that ``pivident laws`` has chosen, written into it.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from typing import Any
 from pivident.app.studio.projects import EXPERIMENT, Changed, Project
 from pivident.experiment.edited_file import Edits, edited, edits_for, with_repair
 from pivident.experiment.experiment import load_experiment
-from pivident.foundation.errors import PividentError
+from pivident.foundation.errors import ExperimentError, PividentError
 from pivident.foundation.text.repair import Repair
-from pivident.foundation.text.toml import parse_toml
+from pivident.foundation.text.toml import parse_toml, value_text
 from pivident.judgement.diagnostics.stored_verdict import repairs_of
 
 
@@ -47,8 +48,7 @@ def fixes(remark: Mapping[str, Any], text: str) -> tuple[Fix, ...]:
     ways: list[Fix] = []
     for content in remark.get("repairs", ()):
         try:
-            repair = Repair.of_json(content)
-            fix = Fix(*edits_for(repair, text, tuple(remark.get("joints", ()))))
+            fix = Fix(*edits_for(Repair.of_json(content), text, tuple(remark.get("joints", ()))))
             works = edited(text, fix.edits) != text
         except (PividentError, ValueError):
             continue
@@ -60,8 +60,7 @@ def fixes(remark: Mapping[str, Any], text: str) -> tuple[Fix, ...]:
 def says_the_same(content: Mapping[str, Any], results: Path) -> bool:
     """Whether an experiment file says what it said when a result was made, comments apart."""
     try:
-        then = (results / EXPERIMENT).read_text(encoding="utf-8")
-        return bool(parse_toml(then) == content)
+        return bool(parse_toml((results / EXPERIMENT).read_text(encoding="utf-8")) == content)
     except (OSError, ValueError):
         return False
 
@@ -112,3 +111,43 @@ def repaired_text(project: Project, results: Path, number: int) -> tuple[str, st
         raise Changed(f"the verdict in {results.name} has no repair {number}", advice="reload")
     joints = load_experiment(project.experiment).robot.joint_names
     return with_repair(project.text, repairs[number - 1][0], joints)
+
+
+#: File of the chosen laws, and where they belong in an experiment file.
+LAWS, PLACE = "laws.toml", ("robot", "joint_friction")
+
+
+def joints_to_change(text: str, results: Path) -> list[str]:
+    """Joints whose chosen laws an experiment file does not have yet.
+
+    Args:
+        text: the experiment file.
+        results: folder of the run that has chosen.
+    """
+    try:
+        joints = [str(place[-1]) for place, _ in _edits(results)]
+        return joints if with_laws(text, results) != text else []
+    except (PividentError, OSError, ValueError):
+        return []
+
+
+def with_laws(text: str, results: Path) -> str:
+    """An experiment file with the laws that a run has chosen.
+
+    Args:
+        text: the experiment file.
+        results: folder of the run.
+
+    Raises:
+        ExperimentError: it has chosen none, or the file contradicts them.
+    """
+    return edited(text, _edits(results))
+
+
+def _edits(results: Path) -> Edits:
+    """The laws as edits."""
+    path = results / LAWS
+    if not path.is_file():
+        raise ExperimentError(f"{results.name} has chosen no laws", advice="reload the page")
+    laws = parse_toml(path.read_text(encoding="utf-8"))["robot"]["joint_friction"]
+    return tuple(((*PLACE, joint), value_text(law)) for joint, law in laws.items())

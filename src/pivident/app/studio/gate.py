@@ -189,9 +189,7 @@ def _remark(number: int, remark: dict[str, Any], rows: Sequence[Row]) -> dict[st
 
 def _plan(stored: dict[str, Any] | None) -> list[tuple[str, str]]:
     """The plan as lines of a key and its words."""
-    if not stored:
-        return []
-    return Plan(**{k: _tuples(v) for k, v in stored.items()}).lines
+    return Plan(**{k: _tuples(v) for k, v in stored.items()}).lines if stored else []
 
 
 def _tuples(value: Any) -> Any:

@@ -180,8 +180,7 @@ def _add_log(
     if not log.channels:
         _add_columns(filled, place, folder, entry.files, "it has no channel of the joints")
         return
-    samples = max(map(len, log.channels.values()))
-    t, clock = display_times(log.clock, log.rate, samples)
+    t, clock = display_times(log.clock, log.rate, max(map(len, log.channels.values())))
     part = None if entry.part is None else (entry.part[0], entry.part[1])
     note = " ".join(map(_line, log.faults))
     number = filled.add(_about(log.name, place, t, clock, log.clock, note, part), t)
@@ -223,8 +222,7 @@ def _add_columns(filled: _Folder, place: Place, folder: Path, files: Any, reason
             continue
         stamps = {n: v for n, v in columns.items() if is_clock(n, v)}
         clock = next(iter(clocks_in(stamps, None)[0].values()), None)
-        samples = len(next(iter(columns.values())))
-        t, kind = display_times(clock, None, samples)
+        t, kind = display_times(clock, None, len(next(iter(columns.values()))))
         about = _about(str(name), place, t, kind, clock, reason, None)
         number = filled.add(about | {"described": False}, t)
         numbers = {c["title"]: c["name"] for c in filled.channels.values()}

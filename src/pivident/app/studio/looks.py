@@ -36,6 +36,7 @@ from pivident.foundation.extras import is_installed
 from pivident.foundation.files import BUILD, atomic_folder
 from pivident.foundation.text.plain_values import plain, strict_json, write_json
 from pivident.foundation.text.toml import parse_toml
+from pivident.judgement.audit.audit import audits_json
 
 #: The two stages.
 STAGES = ("signals", "findings")
@@ -111,8 +112,6 @@ def _with_fixes(found: ExperimentCheck, text: str) -> dict[str, Any]:
 
 def _write_audit(found: ExperimentCheck, folder: Path, say: Callable[[str], None]) -> None:
     """The audits of the check, and their page where it can be drawn."""
-    from pivident.judgement.audit.audit import audits_json
-
     write_json(folder / AUDIT, plain(audits_json(found.audits)) | {"error": ""})
     if found.audits and is_installed("plotly"):
         from pivident.judgement.report.audit_account import render_page
@@ -145,9 +144,11 @@ def _signals_key(experiment: Path) -> str:
     except ValueError:
         return _hash(text, *stamps)
     tables = {name: content[name] for name in _TABLES if name in content}
-    for name in _WITH_RECORDINGS:
-        if isinstance(content.get(name), dict) and "recording" in content[name]:
-            tables[name] = content[name]["recording"]
+    tables |= {
+        name: content[name]["recording"]
+        for name in _WITH_RECORDINGS
+        if isinstance(content.get(name), dict) and "recording" in content[name]
+    }
     return _hash(json.dumps(tables, sort_keys=True, default=str), *stamps)
 
 

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import BinaryIO
 
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
 
 #: Bytes of a stream that are kept from its beginning, and from its end where it is longer.
 MAX_BYTES, LAST = 1_000_000, 64_000

@@ -13,9 +13,8 @@ from typing import Any
 from markupsafe import Markup
 
 from pivident.app.studio.assets import templates
-from pivident.app.studio.example import ROBOT
+from pivident.app.studio.drafting import ROBOT
 from pivident.app.studio.gate import check_context
-from pivident.app.studio.methods import method_context
 from pivident.app.studio.projects import (
     RESULTS,
     TEST_LOGS,
@@ -29,7 +28,7 @@ from pivident.app.studio.row_groups import row_groups
 from pivident.app.studio.rows import addable
 from pivident.app.studio.run_folder import read_object
 from pivident.app.studio.studio import Studio
-from pivident.app.studio.view import View
+from pivident.app.studio.view import View, method_context
 from pivident.data.logs.tables.tables import is_log
 from pivident.foundation.text.numbers import bytes_in_words
 from pivident.foundation.text.plain_values import strict_json
@@ -188,8 +187,7 @@ def _check_mark(view: View) -> str:
     counted = [f"{mark}{many}" for mark, many in (("×", errors), ("!", warnings)) if many]
     if counted:
         return " ".join(counted)
-    done = view.check and not view.check.get("error") and view.content.has_recording
-    return "✓" if done else ""
+    return "✓" if view.check and not view.check.get("error") and view.content.has_recording else ""
 
 
 def _runs_mark(view: View) -> str:
@@ -359,8 +357,7 @@ def _about(project: Project) -> Iterator[str]:
         return
     yield robot or "no robot yet"
     results = project.folder / RESULTS
-    many = sum(p.is_dir() for p in results.iterdir()) if results.is_dir() else 0
-    yield plural(many, "result")
+    yield plural(sum(p.is_dir() for p in results.iterdir()) if results.is_dir() else 0, "result")
 
 
 def _quoted(name: str) -> str:

@@ -30,8 +30,7 @@ def warm_up() -> None:
     base_parameters(robot)
     t = np.arange(SAMPLES) / RATE
     q = np.column_stack([np.sin(3.0 * t) + 0.3 * np.sin(7.1 * t), np.cos(4.3 * t)])
-    tau = 20.0 * np.cos(q) + 5.0 * np.sign(np.gradient(q, axis=0)) - q
-    channels = {"q": q, "tau": tau}
+    channels = {"q": q, "tau": 20.0 * np.cos(q) + 5.0 * np.sign(np.gradient(q, axis=0)) - q}
     log = Log("log", robot.joint_names, {}, {"t": t}, None, channels, channels, robot)
     audit = audit_log(log)
     if is_installed("plotly"):

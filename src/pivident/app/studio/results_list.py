@@ -8,8 +8,7 @@ from datetime import datetime
 from typing import Any
 from urllib.parse import quote
 
-from pivident.app.studio.chosen_laws import joints_to_change
-from pivident.app.studio.fixes import repair_words, says_the_same
+from pivident.app.studio.fixes import joints_to_change, repair_words, says_the_same
 from pivident.app.studio.gate import before_use, line_to_go_to
 from pivident.app.studio.offers import best_result, offered
 from pivident.app.studio.projects import EXPERIMENT, TEST_LOGS, Project
@@ -92,8 +91,7 @@ def _below_verdicts(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def _source(run: dict[str, Any]) -> str:
     """The identification that a run follows from, ``results/001-identify``; empty for others."""
-    result = str(run["arguments"].get("result", ""))
-    return "/".join(result.split("/")[:2])
+    return "/".join(str(run["arguments"].get("result", "")).split("/")[:2])
 
 
 def _outdated(
@@ -258,9 +256,7 @@ def _method(name: str) -> str:
 
 def _took(run: dict[str, Any]) -> str:
     """How long it took, once it has ended."""
-    if not (run.get("started") and run.get("ended")):
-        return ""
-    return in_words(seconds_taken(run))
+    return in_words(seconds_taken(run)) if run.get("started") and run.get("ended") else ""
 
 
 def seconds_taken(run: dict[str, Any]) -> float:

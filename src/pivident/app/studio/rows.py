@@ -18,9 +18,10 @@ from pivident.estimation.methods import METHODS
 from pivident.experiment.edited_lines import document_of, table_name
 from pivident.experiment.file_keys import ExperimentFile
 from pivident.experiment.file_lines import SHORT_FORMS, file_lines, numbered, sureness
-from pivident.experiment.manual import KeyWords, fields_of, table_in, words_of
+from pivident.experiment.manual import KeyWords, table_in, words_of
 from pivident.foundation.text.repair import Place
 from pivident.foundation.text.toml import keys_in, value_text
+from pivident.robot.mdh_keys import fields_of
 
 #: Signal that a key of a recording is about.
 CHANNEL = {

@@ -98,8 +98,7 @@ class RunFolder:
     @property
     def results(self) -> Path:
         """Folder of its results, or where they would be."""
-        names = result_folders(self.project).get(self.id, ["none"])
-        return self.project / RESULTS / names[0]
+        return self.project / RESULTS / result_folders(self.project).get(self.id, ["none"])[0]
 
     def record(self) -> dict[str, Any]:
         """What was asked; empty where the run is not, or not yet, complete."""

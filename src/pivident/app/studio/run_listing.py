@@ -21,7 +21,7 @@ from pivident.app.studio.run_folder import (
     result_folders,
     run_numbers,
 )
-from pivident.foundation.text.printable import shortened
+from pivident.foundation.text.identifiers import shortened
 
 #: Bytes that are read at a time, and lines that are kept of what has been done.
 CHUNK, KEPT = 1_000_000, 50

@@ -161,8 +161,7 @@ class Runs:
     def _watch(self) -> None:
         with self._changed:
             while not self._closed:
-                busy = self._look()
-                self._changed.wait(BUSY if busy else IDLE)
+                self._changed.wait(BUSY if self._look() else IDLE)
 
     def _look(self) -> bool:
         """Start what has its turn; whether anything waits or runs."""

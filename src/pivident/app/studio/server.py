@@ -14,7 +14,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeVar
+from typing import Any
 
 from pydantic import BaseModel, ValidationError
 from starlette.applications import Starlette
@@ -39,7 +39,6 @@ from pivident.app.studio.access import (
     RunRequest,
     Text,
 )
-from pivident.app.studio.archive import open_archive, pack
 from pivident.app.studio.assets import ASSETS, asset
 from pivident.app.studio.pages import front_page, one_piece, project_page, state
 from pivident.app.studio.projects import Changed, Project, ProjectError
@@ -56,8 +55,6 @@ WRITTEN_PAGE = (
     "img-src data: blob:; connect-src data: blob:; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'self'"
 )
-
-Body = TypeVar("Body", bound=BaseModel)
 
 
 def application(studio: Studio, token: str, port: int) -> Starlette:
@@ -91,29 +88,45 @@ def _routes() -> list[Route]:
     return [
         Route("/", _front),
         Route("/static/{asset}", _static),
-        Route("/projects", _create, methods=["POST"]),
-        Route("/projects/example", _example, methods=["POST"]),
+        Route(
+            "/projects",
+            _making(lambda studio, name: studio.projects.create(name)),
+            methods=["POST"],
+        ),
+        Route("/projects/example", _making(Studio.example), methods=["POST"]),
         Route("/projects/archive", _open_archive, methods=["PUT"]),
         Route(one, _project),
         Route(f"{one}/state", _state),
         Route(f"{one}/part/{{part}}", _part),
         Route(f"{one}/files/{{path:path}}", _bring, methods=["PUT"]),
         Route(f"{one}/files/{{path:path}}", _remove_file, methods=["DELETE"]),
-        Route(f"{one}/robot", _changing(RobotChoice, _choose_robot), methods=["POST"]),
-        Route(f"{one}/example", _simulate_log, methods=["POST"]),
-        Route(f"{one}/draft", _changing(DraftRequest, _draft), methods=["POST"]),
-        Route(f"{one}/edit", _changing(Edit, _edit), methods=["POST"]),
-        Route(f"{one}/confirm", _changing(Confirmation, _confirm), methods=["POST"]),
-        Route(f"{one}/text", _changing(Text, _write), methods=["POST"]),
-        Route(f"{one}/undo", _undo, methods=["POST"]),
-        Route(f"{one}/fix", _changing(FixRequest, _fix), methods=["POST"]),
-        Route(f"{one}/repair", _changing(RepairRequest, _repair), methods=["POST"]),
-        Route(f"{one}/laws", _changing(LawsRequest, _write_laws), methods=["POST"]),
+        Route(f"{one}/robot", _changing(RobotChoice, Studio.choose_robot), methods=["POST"]),
+        Route(f"{one}/example", _doing(Studio.simulate_log), methods=["POST"]),
+        Route(f"{one}/draft", _changing(DraftRequest, Studio.draft), methods=["POST"]),
+        Route(f"{one}/edit", _changing(Edit, Studio.edit), methods=["POST"]),
+        Route(f"{one}/confirm", _changing(Confirmation, Studio.confirm), methods=["POST"]),
+        Route(
+            f"{one}/text",
+            _changing(Text, lambda studio, *of, **text: studio.projects.write(*of, **text)),
+            methods=["POST"],
+        ),
+        Route(f"{one}/undo", _doing(Studio.undo), methods=["POST"]),
+        Route(f"{one}/fix", _changing(FixRequest, Studio.fix), methods=["POST"]),
+        Route(f"{one}/repair", _changing(RepairRequest, Studio.repair), methods=["POST"]),
+        Route(f"{one}/laws", _changing(LawsRequest, Studio.write_laws), methods=["POST"]),
         Route(f"{one}/window", _window),
         Route(f"{one}/audit.html", _audit_page),
-        Route(f"{one}/run", _changing(RunRequest, _run), methods=["POST"]),
-        Route(f"{one}/runs/{{run}}/cancel", _cancel, methods=["POST"]),
-        Route(f"{one}/runs/{{run}}", _remove_run, methods=["DELETE"]),
+        Route(f"{one}/run", _changing(RunRequest, Studio.run), methods=["POST"]),
+        Route(
+            f"{one}/runs/{{run}}/cancel",
+            _doing(lambda studio, project, run: studio.runs.cancel(project.folder, run)),
+            methods=["POST"],
+        ),
+        Route(
+            f"{one}/runs/{{run}}",
+            _doing(lambda studio, project, run: studio.runs.remove(project.folder, run)),
+            methods=["DELETE"],
+        ),
         Route(f"{one}/results/{{path:path}}", _result),
         Route(f"{one}/archive.zip", _archive),
     ]
@@ -127,8 +140,8 @@ def _project_of(request: Request) -> Project:
     return _studio(request).projects.find(request.path_params["name"])
 
 
-async def _body(request: Request, kind: type[Body]) -> Body:
-    """What a request asks for.
+async def _body(request: Request, kind: type[BaseModel]) -> dict[str, Any]:
+    """What a request asks for, by name.
 
     Raises:
         ProjectError: it is too long, or not what is expected here.
@@ -139,7 +152,7 @@ async def _body(request: Request, kind: type[Body]) -> Body:
         if len(content) > MAX_BODY:
             raise ProjectError(f"the request has more than {MAX_BODY} bytes")
     try:
-        return kind.model_validate_json(content)
+        return dict(kind.model_validate_json(content))
     except ValidationError as error:
         raise ProjectError(f"the request cannot be read: {error.errors()[0]['msg']}") from None
 
@@ -177,18 +190,41 @@ def _threaded(answer: Callable[[Request], Response]) -> Answer:
     return threaded
 
 
-def _changing(
-    kind: type[Body], act: Callable[[Studio, Project, Body], dict[str, str] | None]
-) -> Answer:
-    """An answer that reads a body of some kind and changes a project by it; it says what is new."""
+def _making(make: Callable[..., Project]) -> Answer:
+    """An answer that reads a name, makes a project of it, and says where it is."""
+
+    async def making(request: Request) -> Response:
+        studio, asked = _studio(request), await _body(request, NewProject)
+        project = await run_in_threadpool(make, studio, **asked)
+        return _done(to=studio.address(project))
+
+    return making
+
+
+def _changing(kind: type[BaseModel], act: Callable[..., str | None]) -> Answer:
+    """An answer that reads a body of some kind and changes a project by it.
+
+    ``act`` takes what the body holds by name; what it returns is the number of a new run.
+    """
 
     async def changing(request: Request) -> Response:
-        body = await _body(request, kind)
+        asked = await _body(request, kind)
         project = await run_in_threadpool(_project_of, request)
-        made = await run_in_threadpool(act, _studio(request), project, body)
-        return _done(**(made or {}))
+        run = await run_in_threadpool(act, _studio(request), project, **asked)
+        return _done() if run is None else _done(run=run)
 
     return changing
+
+
+def _doing(act: Callable[..., None]) -> Answer:
+    """An answer that changes a project by no more than what the address says."""
+
+    def doing(request: Request) -> Response:
+        said = {key: value for key, value in request.path_params.items() if key != "name"}
+        act(_studio(request), _project_of(request), **said)
+        return _done()
+
+    return _threaded(doing)
 
 
 @_threaded
@@ -211,25 +247,13 @@ def _static(request: Request) -> Response:
     return Response(content, media_type=kind, headers=headers)
 
 
-async def _create(request: Request) -> Response:
-    studio, body = _studio(request), await _body(request, NewProject)
-    project = await run_in_threadpool(studio.projects.create, body.name)
-    return _done(to=studio.address(project))
-
-
-async def _example(request: Request) -> Response:
-    studio, body = _studio(request), await _body(request, NewProject)
-    project = await run_in_threadpool(studio.example, body.name)
-    return _done(to=studio.address(project))
-
-
 async def _open_archive(request: Request) -> Response:
     """A project from an archive that is sent."""
     studio, name = _studio(request), request.query_params.get("name", "")
     with TemporaryDirectory(dir=studio.projects.root, prefix=".archive-") as folder:
         path = Path(folder) / "archive.zip"
         await uploads.receive(path, request.stream(), _declared(request))
-        project = await run_in_threadpool(open_archive, studio.projects, path, name)
+        project = await run_in_threadpool(uploads.open_archive, studio.projects, path, name)
     return _done(to=studio.address(project))
 
 
@@ -276,54 +300,6 @@ def _remove_file(request: Request) -> Response:
     return _done()
 
 
-def _choose_robot(studio: Studio, project: Project, body: RobotChoice) -> None:
-    studio.choose_robot(project, body.model, body.version)
-
-
-def _draft(studio: Studio, project: Project, body: DraftRequest) -> None:
-    studio.draft(project, body.answers, body.column_names)
-
-
-def _edit(studio: Studio, project: Project, body: Edit) -> None:
-    studio.edit(project, body.place, body.value, body.version)
-
-
-def _confirm(studio: Studio, project: Project, body: Confirmation) -> None:
-    studio.confirm(project, body.place, body.version)
-
-
-def _write(studio: Studio, project: Project, body: Text) -> None:
-    studio.projects.write(project, body.text, body.version)
-
-
-def _fix(studio: Studio, project: Project, body: FixRequest) -> None:
-    studio.fix(project, body.remark, body.fix, body.version)
-
-
-def _repair(studio: Studio, project: Project, body: RepairRequest) -> None:
-    studio.repair(project, body.run, body.number, body.version)
-
-
-def _write_laws(studio: Studio, project: Project, body: LawsRequest) -> None:
-    studio.write_laws(project, body.run, body.version)
-
-
-def _run(studio: Studio, project: Project, body: RunRequest) -> dict[str, str]:
-    return {"run": studio.run(project, body.step, body.arguments, body.go_on)}
-
-
-@_threaded
-def _simulate_log(request: Request) -> Response:
-    _studio(request).simulate_log(_project_of(request))
-    return _done()
-
-
-@_threaded
-def _undo(request: Request) -> Response:
-    _studio(request).undo(_project_of(request))
-    return _done()
-
-
 @_threaded
 def _window(request: Request) -> Response:
     """A stretch of a signal with as many points as a picture needs."""
@@ -355,22 +331,9 @@ def _audit_page(request: Request) -> Response:
 
 
 @_threaded
-def _cancel(request: Request) -> Response:
-    _studio(request).runs.cancel(_project_of(request).folder, request.path_params["run"])
-    return _done()
-
-
-@_threaded
-def _remove_run(request: Request) -> Response:
-    _studio(request).runs.remove(_project_of(request).folder, request.path_params["run"])
-    return _done()
-
-
-@_threaded
 def _result(request: Request) -> Response:
     """A file of the results: a page to read, all else to keep."""
-    project = _project_of(request)
-    path = project.path_of(f"results/{request.path_params['path']}")
+    path = _project_of(request).path_of(f"results/{request.path_params['path']}")
     if not path.is_file():
         raise ProjectError(f"there is no {path.name} in these results")
     if path.suffix == ".html" and "download" not in request.query_params:
@@ -392,7 +355,7 @@ def _archive(request: Request) -> Response:
     project, query = _project_of(request), request.query_params
     folder = TemporaryDirectory(dir=project.folder, prefix=".archive-")
     try:
-        path = pack(
+        path = uploads.pack(
             project,
             Path(folder.name) / "archive.zip",
             logs=query.get("logs") == "1",

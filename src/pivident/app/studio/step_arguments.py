@@ -143,8 +143,8 @@ def result_folder(project: Path, name: str) -> str:
         method = named[2] or ""
         path = project / RESULTS / named[1] / method
         inside = path.resolve().is_relative_to(project.resolve())
-        if inside and (not method or method in METHODS) and _has_result(path):
-            there = [file for file in RESULT_FILES if (path / file).is_file()]
+        there = [file for file in RESULT_FILES if (path / file).is_file()]
+        if inside and (not method or method in METHODS) and there:
             alone = CONSISTENT_FILE if there == [CONSISTENT_FILE] else ""
             return "/".join(filter(None, (RESULTS, named[1], method, alone)))
     raise StepError(
@@ -163,10 +163,6 @@ def log_file(project: Path, name: str) -> str:
     if name not in filter(is_log, there):
         raise StepError(f"{_quoted(name)} is no log of this project", advice="bring it first")
     return f"./{name}" if name.startswith("-") else name
-
-
-def _has_result(path: Path) -> bool:
-    return any((path / file).is_file() for file in RESULT_FILES)
 
 
 def _flag(argument: Argument, value: Any) -> bool:

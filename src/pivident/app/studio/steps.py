@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pivident.app.studio.chosen_laws import LAWS
+from pivident.app.studio.fixes import LAWS
 from pivident.app.studio.projects import EXPERIMENT
 from pivident.app.studio.step_arguments import Argument, StepError
 from pivident.estimation.methods import METHODS

@@ -12,10 +12,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from pivident.app.studio.chosen_laws import with_laws
-from pivident.app.studio.drafting import DRAFT, draft
-from pivident.app.studio.example import ROBOT, draft_example
-from pivident.app.studio.fixes import Fix, repaired_text
+from pivident.app.studio.drafting import DRAFT, ROBOT, draft, draft_example
+from pivident.app.studio.fixes import Fix, repaired_text, with_laws
 from pivident.app.studio.gate import Gate, before_run, before_use
 from pivident.app.studio.looks import Looks
 from pivident.app.studio.projects import (
@@ -113,8 +111,7 @@ class Studio:
         elif view.robot != model:
             table = isinstance(view.content.get("robot"), dict)
             place = ("robot", "model") if table else ("robot",)
-            new = edited(text, [(place, string_text(model))])
-            self.projects.write(project, new, version)
+            self.projects.write(project, edited(text, [(place, string_text(model))]), version)
 
     def brought(self, project: Project, path: Path) -> None:
         """A file has come: the first robot is taken; a log redrafts a file that nobody has changed.
@@ -206,8 +203,7 @@ class Studio:
             ExperimentError: the value cannot be one of this key.
             Changed: the file is no longer the one that the page shows.
         """
-        text = project.text_of(version)
-        self.projects.write(project, edited(text, [(place, value)]), version)
+        self.projects.write(project, edited(project.text_of(version), [(place, value)]), version)
 
     def confirm(self, project: Project, place: Sequence[str | int], version: str) -> None:
         """Note that an assumption is right.
@@ -223,26 +219,26 @@ class Studio:
         """
         self.projects.write(project, confirmed(project.text_of(version), tuple(place)), version)
 
-    def fix(self, project: Project, remark: int, number: int, version: str) -> None:
+    def fix(self, project: Project, remark: int, fix: int, version: str) -> None:
         """Apply a fix of a finding.
 
         Args:
             project: whose.
             remark: number of the finding.
-            number: of the fix.
+            fix: number of the fix.
             version: of the text that the page shows.
         """
         text = project.text_of(version)
         found = read_object(self.looks.folder(project.folder) / "findings" / "check.json")
         try:
-            fix = decode(Fix, found["remarks"][remark]["fixes"][number])
+            chosen = decode(Fix, found["remarks"][remark]["fixes"][fix])
         except UnusableValue:
             raise ExperimentError("this is no fix of the check", advice="reload the page") from None
         except (KeyError, IndexError):
             raise Changed(
                 "the check has another result by now", advice="it is shown as it is"
             ) from None
-        self.projects.write(project, edited(text, fix.edits), version)
+        self.projects.write(project, edited(text, chosen.edits), version)
 
     def repair(self, project: Project, run: str, number: int, version: str) -> None:
         """Apply a repair that the verdict of a run has tried.

@@ -74,8 +74,7 @@ class BadSamples:
 
     def within(self, start: int, stop: int) -> BadSamples:
         """The fault in a part of the log, by the numbers of its samples."""
-        inside = self.rows[(self.rows >= start) & (self.rows < stop)]
-        return replace(self, rows=inside - start)
+        return replace(self, rows=self.rows[(self.rows >= start) & (self.rows < stop)] - start)
 
 
 def bad_samples(
@@ -99,9 +98,11 @@ def bad_samples(
             usual = float(np.quantile(known, 0.99)) if known.size else 0.0
             limit = min(LARGEST, BEYOND_OTHERS * usual) if usual > 0.0 else LARGEST
             impossible = ~missing & (np.abs(x) > limit)
-            for kind, wrong in (("missing", missing), ("impossible", impossible)):
-                if wrong.any():
-                    faults.append(BadSamples(kind, channel, j, np.flatnonzero(wrong)))
+            faults += [
+                BadSamples(kind, channel, j, np.flatnonzero(wrong))
+                for kind, wrong in (("missing", missing), ("impossible", impossible))
+                if wrong.any()
+            ]
         clean[channel] = without(values, [f for f in faults if f.channel == channel])
     q = clean.get("q")
     if q is None or len(q) < MIN_ROWS:
@@ -261,8 +262,7 @@ def frozen_samples(x: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 def _shortest(start: int, stop: int, samples: int) -> float:
     """Shortest stretch that counts: at the ends of a record a shifted channel is filled up."""
-    inside = start > 0 and stop < samples
-    return SHORTEST if inside else max(SHORTEST, END * samples)
+    return SHORTEST if start > 0 and stop < samples else max(SHORTEST, END * samples)
 
 
 def _fewest_changes(changes: np.ndarray, left_out: np.ndarray, q: np.ndarray, length: int) -> int:

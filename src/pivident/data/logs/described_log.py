@@ -47,7 +47,7 @@ from pivident.data.logs.tables.tables import names_in, without_header
 from pivident.data.logs.torque_scale import torque_scales
 from pivident.data.logs.units import UNITS_OF
 from pivident.foundation.errors import FileFormatError, GapInClock, RecordingError, concerning
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
 from pivident.robot.description import Robot
 
 #: What a bare log is taken for.

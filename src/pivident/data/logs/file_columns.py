@@ -11,7 +11,7 @@ import numpy as np
 from pivident.data.logs.recognition.log_clock import is_clock
 from pivident.data.logs.tables.tables import names_in, read_table, reader_of, unread_in
 from pivident.foundation.errors import BadCell, FileFormatError, NoSamples
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
 
 #: Longest axis from which on an array of other samples is named; shorter ones are constants.
 MIN_ARRAY = 10

@@ -107,8 +107,7 @@ class Log(Displayed):
     @property
     def samples(self) -> int:
         """Number of samples of the longest column."""
-        lengths = [len(v) for v in (*self.columns.values(), *self.logged.values())]
-        return max(lengths, default=0)
+        return max([len(v) for v in (*self.columns.values(), *self.logged.values())], default=0)
 
     @property
     def clock(self) -> np.ndarray | None:

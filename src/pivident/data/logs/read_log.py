@@ -31,9 +31,8 @@ from pivident.data.logs.channel_places import (
     locate,
 )
 from pivident.data.logs.clock_alignment import ClockedChannel
-from pivident.data.logs.frame import Frame
 from pivident.data.logs.log import CHANNELS, Description, Log
-from pivident.data.logs.source_files import SourceFile, printable_name
+from pivident.data.logs.source_files import Frame, SourceFile, printable_name
 from pivident.data.logs.tables.tables import names_in, read_table
 from pivident.data.logs.timestamps import without_repeats
 from pivident.data.logs.units import factor_to_si

@@ -97,8 +97,7 @@ def check_increasing(t: np.ndarray) -> None:
     wrong = np.flatnonzero(intervals <= 0)
     if wrong.size:
         k = int(wrong[0])
-        kind = "duplicate" if intervals[k] == 0 else "backward"
-        raise _irregular(kind, k + 1, t, intervals)
+        raise _irregular("duplicate" if intervals[k] == 0 else "backward", k + 1, t, intervals)
 
 
 def without_repeats(

@@ -16,9 +16,9 @@ import numpy as np
 
 from pivident.data.logs.channel_places import TABLES, ColumnSpec, body_channels, columns_of
 from pivident.data.logs.clock_alignment import ClockedChannel
-from pivident.data.logs.frame import SupportsColumns
 from pivident.data.logs.log import Description, Log, factors_of, gains_of, on_joint_side, sides_of
 from pivident.data.logs.read_log import read_log
+from pivident.data.logs.source_files import SupportsColumns
 from pivident.data.logs.torque_scale import torque_scales
 from pivident.data.logs.units import UnitSpec, check_kind
 from pivident.data.recording import checks

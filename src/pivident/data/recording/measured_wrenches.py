@@ -135,9 +135,7 @@ def _with_base(
             advice="leave out their columns",
         ).about("columns", "q_link")
     still = np.zeros((recording.samples, count))
-    base = still
-    if pose is not None:
-        base = _base_positions(recording, pose)
+    base = still if pose is None else _base_positions(recording, pose)
     before = {"q": base, "tau": still, "q_ref": base}
     channels: dict[str, Any] = {
         channel: np.hstack([before.get(channel, still), own])

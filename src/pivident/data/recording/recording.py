@@ -33,7 +33,7 @@ from pivident.data.recording.checks import (
 from pivident.data.recording.usable_samples import leave_out_missing
 from pivident.foundation.errors import RecordingError, require_kind
 from pivident.foundation.text.display import Printed
-from pivident.foundation.text.printable import is_printable
+from pivident.foundation.text.identifiers import is_printable
 from pivident.robot.description import TorqueSide
 from pivident.robot.naming import numbered_joints
 from pivident.robot.transmission import Transmission
@@ -294,9 +294,7 @@ class Recording(Printed):
             driven: the same run of these joints alone, see `behind`.
         """
         base = self.q[:, : self.joints - driven.joints]
-        speed = None
-        if driven.dq_ref is not None:
-            speed = np.hstack([np.zeros_like(base), driven.dq_ref])
+        speed = None if driven.dq_ref is None else np.hstack([np.zeros_like(base), driven.dq_ref])
         position = None if driven.q_ref is None else np.hstack([base, driven.q_ref])
         return replace(self, q_ref=position, dq_ref=speed)
 

@@ -123,8 +123,7 @@ def find_repetition(
 def find_period(recording: Recording) -> int | None:
     """Shortest p [samples] at a dip of d(p) = mean_k (x_{k+p} - x_k)² where x repeats, or None."""
     signals, tolerance = _motion_signals(recording)
-    ranges = np.ptp(signals, axis=0)
-    signals = signals[:, ranges > 0]
+    signals = signals[:, np.ptp(signals, axis=0) > 0]
     if signals.shape[1] == 0:
         return None
     difference = np.max(

@@ -192,8 +192,7 @@ def _numeric(function: str) -> Callable[..., Any]:
     """A function of ``FUNCTIONS`` for numbers and arrays."""
     import numpy as np
 
-    names = {"atan": "arctan"}
-    return getattr(np, names.get(function, function))
+    return getattr(np, {"atan": "arctan"}.get(function, function))
 
 
 @provides("evaluate")
@@ -206,8 +205,7 @@ def evaluate(expressions: Iterable[Expression], values: Mapping[str, Any]) -> li
     roots = list(expressions)
     result: dict[Expression, Any] = {}
     for node in ordered(roots):
-        inputs = [result[operand] for operand in node.operands]
-        result[node] = _value(node, inputs, values)
+        result[node] = _value(node, [result[operand] for operand in node.operands], values)
     return [result[root] for root in roots]
 
 

@@ -148,8 +148,7 @@ def _product(left: Monomial, right: Monomial) -> list[tuple[Monomial, float]]:
                     split.append((p, sign))
                     continue
                 less = {**p, atom: p[atom] - 2}
-                split.append((less, sign))
-                split.append(({**less, other: less.get(other, 0) + 2}, -sign))
+                split += [(less, sign), ({**less, other: less.get(other, 0) + 2}, -sign)]
             done = split
     return [(_sorted(p), sign) for p, sign in done]
 

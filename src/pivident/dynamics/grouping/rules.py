@@ -125,8 +125,7 @@ def coupling_functions(robot: Robot, stem: str, coupling: Coupling) -> Functions
     if coupling.ratio == 0.0:
         return {} if stem == "fvm" else {_sign(*coupling_sign(robot, coupling.motor)): 1.0}
     if stem == "fvm":  # the same for both directions
-        pair = sorted((coupling.motor, coupling.joint))
-        return {("dq dq", *pair): coupling.ratio}
+        return {("dq dq", *sorted((coupling.motor, coupling.joint))): coupling.ratio}
     return {("s s", coupling.motor, coupling.joint, coupling.ratio): 1.0}
 
 
@@ -191,8 +190,7 @@ class JointRules:
         across = self.reach.gravities[:, [0, 1, 3]]
         cosine = self.functions.pop(("cos", 1.0), {})
         sine = self.functions.pop(("sin", 1.0), {})
-        constant = len(row_space(across)) == 1
-        if _any(across[:, :2]) and constant and (cosine or sine):
+        if _any(across[:, :2]) and len(row_space(across)) == 1 and (cosine or sine):
             rows += self._moments_with_functions(cosine, sine)
         else:
             if _any(across[:, :2]):
@@ -307,12 +305,13 @@ class JointRules:
             for axis, q in zip("xyz", self._twist_of_turning()[0], strict=True)
         )
         across = x * x + y * y
-        amounts = self.omega[:, :2] @ [x.value, y.value] / across.value
-        reaction, rows = self._reactions(amounts)
+        reaction, rows = self._reactions(self.omega[:, :2] @ [x.value, y.value] / across.value)
         reaction = reaction or {}
         if z.value:
-            rows.append(self.row(mx=1.0, mz=-x / z) | times(reaction, -y / across))
-            rows.append(self.row(my=1.0, mz=-y / z) | times(reaction, x / across))
+            rows += [
+                self.row(mx=1.0, mz=-x / z) | times(reaction, -y / across),
+                self.row(my=1.0, mz=-y / z) | times(reaction, x / across),
+            ]
         elif y.value:
             rows += [self.row(mx=1.0, my=-x / y) | times(reaction, -(ONE / y)), self.row(mz=1.0)]
         else:

@@ -34,8 +34,13 @@ from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.normal_equations import JointSums
 from pivident.foundation.errors import IdentificationError
-from pivident.foundation.text.numbers import format_significant, plus_minus, with_spread
-from pivident.foundation.text.plain_table import column, lines_of
+from pivident.foundation.text.numbers import (
+    column,
+    format_significant,
+    lines_of,
+    plus_minus,
+    with_spread,
+)
 from pivident.loop.simulation.control_loop import IdentifiedLaw
 
 
@@ -198,8 +203,7 @@ def _variances(columns: np.ndarray, residual: np.ndarray) -> np.ndarray:
     scaled = columns / scale
     (windows,) = windows_of([residual.size])
     sums = JointSums.empty("", np.arange(scale.size), windows.count)
-    shares = list(windows.shares(slice(0, residual.size)))
-    sums.add(scaled.T, None, residual, None, shares)
+    sums.add(scaled.T, None, residual, None, list(windows.shares(slice(0, residual.size))))
     robust = sandwich([sums], np.zeros(scale.size), np.ones(1))
     freedom = max(residual.size - scale.size, 1)
     white = np.linalg.pinv(scaled.T @ scaled, hermitian=True) * (residual @ residual) / freedom
@@ -214,12 +218,12 @@ def diagnostics_of(law: JointLaw) -> list[str]:
             f"The law found for joint {law.name!r} leaves {100 * law.relative_error:.2g} % of its "
             "output unexplained; take its gains as nominal."
         )
-    for term, gain, std in zip(law.terms, law.gains, law.std, strict=True):
-        if std > 0.5 * abs(gain):
-            out.append(
-                f"{term} of joint {law.name!r} is {plus_minus(gain, 2 * std)}: this record hardly "
-                "determines it."
-            )
+    out += [
+        f"{term} of joint {law.name!r} is {plus_minus(gain, 2 * std)}: this record hardly "
+        "determines it."
+        for term, gain, std in zip(law.terms, law.gains, law.std, strict=True)
+        if std > 0.5 * abs(gain)
+    ]
     return out
 
 
@@ -237,16 +241,20 @@ def controller_table(found: IdentifiedLaw) -> str:
             else ("", "")
             for law in found.joints
         ]
-        columns.append(column(term, [value for value, _ in spreads], "."))
-        columns.append(column("±2σ", [spread for _, spread in spreads], "."))
+        columns += [
+            column(term, [value for value, _ in spreads], "."),
+            column("±2σ", [spread for _, spread in spreads], "."),
+        ]
     speeds = [
         differentiator_text(law.averaged, law.derivative_time, law.derivative_time_std)
         for law in found.joints
     ]
     columns.append(column("speed", speeds, "<"))
     errors = [format_significant(100.0 * law.relative_error, 2) for law in found.joints]
-    columns.append(column("error %", errors, "."))
-    columns.append(column("saturated", [str(law.saturated) for law in found.joints], ">"))
+    columns += [
+        column("error %", errors, "."),
+        column("saturated", [str(law.saturated) for law in found.joints], ">"),
+    ]
     head = f"Control law of {', '.join(found.recordings)}, output per rad or m, rad/s or m/s, …"
     parts = [head, lines_of(columns), *_gravity_tables(found)]
     return "\n\n".join([*parts, *(f"Warning: {t}" for t in found.warnings)])

@@ -141,8 +141,7 @@ def select_terms(
     while left:
         trials = {t: equations.fit((*terms, t))[1] for t in left}
         freedom = equations.rows - len(terms) - 1
-        for t, own in trials.items():
-            tests[t] = (rss - own) / max(own / freedom, 1e-300)
+        tests |= {t: (rss - own) / max(own / freedom, 1e-300) for t, own in trials.items()}
         best = min(trials, key=lambda t: trials[t])
         gained = rss - trials[best] > WORTHWHILE * rss and rss > ROUNDING * equations.total
         if not gained or tests[best] < fisher.ppf(F_PROBABILITY, 1, freedom):

@@ -224,8 +224,7 @@ def _speed_loop(
 
     columns = columns_of(_smallest(lambda lag: _fit(columns_of(lag), u)[1], LAGS / rate))
     gains, left = _fit(columns, u)
-    std = _deviations(columns, u - columns @ gains, channels)
-    return gains, std, 1.0 - left / float(u @ u)
+    return gains, _deviations(columns, u - columns @ gains, channels), 1.0 - left / float(u @ u)
 
 
 def _motion_band(channels: Sequence[Channel]) -> float:

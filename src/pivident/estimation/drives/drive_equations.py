@@ -105,9 +105,7 @@ def drive_sums(
             span = slice(start, min(start + BLOCK, own.samples))
             shares = list(own.shares(span))
             phi = packed_stretch(regressor, k, span)
-            z = phi
-            if motion is not None:
-                z = packed_stretch(regressor, motion, span)
+            z = phi if motion is None else packed_stretch(regressor, motion, span)
             for m in range(robot.size):
                 sums[record.load][m].add(
                     motor_rows(regressor, rows[m], columns[m], phi),
@@ -217,8 +215,7 @@ def gain_unknowns(
         estimated = columns[:, [INERTIAL.index(name) for name in payload.unknown()]]
         more = np.hstack([np.eye(len(kept))[:, friction], _independent(estimated)])
         maps = [np.hstack([unloaded, np.zeros_like(more)]), np.hstack([unloaded, more])]
-        added = columns @ payload.known()
-        offsets = [known, known + added]
+        offsets = [known, known + columns @ payload.known()]
         if payload.mass_std > 0:
             nothing_known = np.zeros(len(kept))
             directions.append((payload.mass_std, (nothing_known, columns @ payload.per_mass())))

@@ -200,8 +200,7 @@ def _of_drives(groups: Sequence[GainGroup], base: int) -> list[GainGroup]:
     for group in groups:
         motors = tuple(m - base for m in group.motors if m >= base)
         if motors:
-            reference = max(group.reference - base, motors[0])
-            found.append(GainGroup(motors, group.anchored, reference))
+            found.append(GainGroup(motors, group.anchored, max(group.reference - base, motors[0])))
     return found
 
 
@@ -326,8 +325,10 @@ def _simulated(
         auxiliary = AuxiliaryModel(
             part, differences=True, kinematics=[records[k].kinematics for k in mine]
         )
-        for k, motion in zip(mine, auxiliary.simulate(M @ x + b), strict=True):
-            made[k] = replace(records[k], motion=motion)
+        made |= {
+            k: replace(records[k], motion=motion)
+            for k, motion in zip(mine, auxiliary.simulate(M @ x + b), strict=True)
+        }
     return [made[k] for k in range(len(records))]
 
 

@@ -102,8 +102,7 @@ def linear_part(equations: GainEquations, ell: np.ndarray) -> tuple[np.ndarray, 
         gram += weight * nu[m] ** 2 * M.T @ own.ff @ M
         right += weight * nu[m] * M.T @ (own.ft - nu[m] * own.ff @ b)
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    solved = np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=1e-13)[0]
-    x = solved / scale
+    x = np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=1e-13)[0] / scale
     return x, cost(equations, ell, x)
 
 

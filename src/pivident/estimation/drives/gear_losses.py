@@ -91,8 +91,7 @@ def identify_gears(
     sums = [JointSums.empty(name, np.arange(6), count) for name in problem.robot.joint_names]
     for k, (motors, felt) in enumerate(zip(problem.recordings, behind, strict=True)):
         moved, sensed = (estimate_kinematics(r, RandomWalk()) for r in (motors, felt))
-        limits = problem.speed_limits(motors)
-        used = valid_samples(moved, moved.dq, limits)
+        used = valid_samples(moved, moved.dq, problem.speed_limits(motors))
         predicted = sensed.tau - residual_of(regressor, with_inner(regressor, sensed), found.theta)
         windows = Windows(moved.q.shape[1], WINDOWS, k * WINDOWS)
         shares = list(windows.shares(slice(0, windows.samples)))

@@ -173,8 +173,7 @@ def gain_groups(log_covariance: np.ndarray, known_within: float = KNOWN_WITHIN) 
         motors = tuple(sorted(reached - {n}))
         left -= reached
         if motors:
-            inside = spread[np.ix_(motors, motors)]
-            reference = motors[int(np.argmin(inside.sum(axis=1)))]
+            reference = motors[int(np.argmin(spread[np.ix_(motors, motors)].sum(axis=1)))]
             groups.append(GainGroup(motors, n in reached, reference))
     return groups
 

@@ -56,8 +56,7 @@ def solve_correlated(
     used = np.stack([own.used for own in rows.joints])
     theta, passes, converged = start, [], False
     for _ in range(max_iterations):
-        noise = joint_covariance(rows.residuals(theta), used, rows.size)
-        gram, moment = _sums(rows, noise, used)
+        gram, moment = _sums(rows, joint_covariance(rows.residuals(theta), used, rows.size), used)
         scale = np.sqrt(np.diag(gram.sum(axis=0)))
         outer = np.outer(scale, scale)
         whole = gram.sum(axis=0) / outer
@@ -81,8 +80,7 @@ def joint_covariance(residuals: np.ndarray, used: np.ndarray, size: int) -> np.n
     share.
     """
     count = used.astype(float)
-    pairs = count @ count.T
-    own = np.sqrt(np.maximum(np.diag(pairs) - size / len(used), 1.0))
+    own = np.sqrt(np.maximum(np.diag(count @ count.T) - size / len(used), 1.0))
     noise = residuals * used
     spread = np.sqrt((noise**2).sum(axis=1)) / own
     lengths = np.sqrt((noise**2) @ count.T)  # of joint i over the rows of the pair
@@ -103,8 +101,7 @@ def _sums(rows: Rows, noise: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, 
         if not active.size:
             continue
         # Λ⁻¹ = Wᵀ W, so that rows W Φ have errors that are independent and of unit variance
-        whitener = np.linalg.inv(np.linalg.cholesky(noise[np.ix_(active, active)]))
-        for line in whitener:
+        for line in np.linalg.inv(np.linalg.cholesky(noise[np.ix_(active, active)])):
             stack = np.zeros((rows.size + 1, where.size))
             for share, j in zip(line, active, strict=True):
                 if share != 0.0:

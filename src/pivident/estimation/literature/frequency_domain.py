@@ -254,13 +254,10 @@ def _weights(
     for own in made:
         moved = with_inner(problem.regressor, own.kinematics, theta)
         error = residual_of(problem.regressor, moved, theta)
-        windowed = own.places.split(error) * own.window[:, None]
-        error = low_lines_of_all(windowed, own.lines)
-        rows = error.shape[2]
-        spectrum = np.fft.rfft(error, axis=2) / np.sqrt(rows)
+        error = low_lines_of_all(own.places.split(error) * own.window[:, None], own.lines)
+        spectrum = np.fft.rfft(error, axis=2) / np.sqrt(error.shape[2])
         torque = np.mean(own.places.split(own.kinematics.tau) ** 2, axis=(1, 2))
-        power = np.var(spectrum, axis=1, ddof=1)
-        smooth = _over_neighbours(power) * own.spread
+        smooth = _over_neighbours(np.var(spectrum, axis=1, ddof=1)) * own.spread
         variances.append(np.maximum(smooth, FLOOR * torque[:, None] + 1e-300))
     common = np.mean([v.mean(axis=1) for v in variances], axis=0)
     return [np.sqrt(common[:, None] / v) for v in variances], common

@@ -119,8 +119,7 @@ def solve_robust(
     u = rows.residuals(theta) / scale[:, None]
     covariance = _covariance(rows, u[used], scale, loss)
     robust = windows_covariance(sums, theta)
-    condition = equations.condition
-    return Solved(theta, covariance, robust, condition, np.array(passes), converged)
+    return Solved(theta, covariance, robust, equations.condition, np.array(passes), converged)
 
 
 def _covariance(rows: Rows, u: np.ndarray, scale: np.ndarray, loss: Loss) -> np.ndarray:

@@ -77,10 +77,9 @@ class Rows(Displayed):
         Returns:
             Rows of all joints, zero where they do not count.
         """
-        names = equations.regressor.robot.joint_names
         blocks = list(equations.blocks())
         joints = []
-        for j, name in enumerate(names):
+        for j, name in enumerate(equations.regressor.robot.joint_names):
             own = [block.joints[j] for block in blocks]
             phi = np.concatenate([rows.phi for rows in own], axis=1)
             tau = np.concatenate([rows.tau for rows in own])

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from scipy.linalg import qr
 
 from pivident.estimation.literature.boxed_program import (
     Basis,
@@ -227,13 +228,10 @@ class _Program:
                 )
             if not self._add(self.basis.theta / self.scale):
                 self.lasting |= set(self.basis.rows.tolist())
-                least = lower_bound(self.tau, self.bound, self.basis)
-                return sign * least / float(self.scale[i])
+                return sign * lower_bound(self.tau, self.bound, self.basis) / float(self.scale[i])
 
     def _first_basis(self) -> Basis:
         """Independent rows, of some that are spread over the record, or else of all."""
-        from scipy.linalg import qr
-
         for spread in (SPREAD, None):
             for j, own in enumerate(self.rows.joints):
                 used = np.flatnonzero(own.used)

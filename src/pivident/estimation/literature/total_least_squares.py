@@ -82,8 +82,7 @@ def solve_total(rows: Rows) -> Solved:
     covariance = factor * inverse @ gram @ inverse * np.outer(to_own, to_own)
     theta = scaled * to_own
     robust = _windows(rows, theta, square, scale)
-    condition = float(np.linalg.cond(columns))
-    return Solved(theta, covariance, robust, condition, theta[None])
+    return Solved(theta, covariance, robust, float(np.linalg.cond(columns)), theta[None])
 
 
 def _windows(rows: Rows, theta: np.ndarray, square: float, scale: np.ndarray) -> np.ndarray:

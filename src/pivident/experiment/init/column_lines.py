@@ -266,8 +266,10 @@ def unit_lines(
                 torque.question,
             )
         )  # fmt: skip
-    for name, (value, seen) in besides.items():
-        lines.append(Assumption("recording.units", name, value, "likely", seen))
+    lines += [
+        Assumption("recording.units", name, value, "likely", seen)
+        for name, (value, seen) in besides.items()
+    ]
     return lines
 
 

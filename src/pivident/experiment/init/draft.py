@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,16 +28,13 @@ from pivident.experiment.init.assumption import (
     Question,
     experiment_text,
 )
-from pivident.experiment.init.given_robot import GivenRobot
-from pivident.experiment.init.kept_joints import RobotFile, robot_file
+from pivident.experiment.init.kept_joints import GivenRobot, RobotFile, robot_file
 from pivident.experiment.init.log_files import read_runs
 from pivident.experiment.init.recording_lines import RecordingLines, recording_lines
 from pivident.experiment.init.trial import Findings, try_out
 from pivident.foundation.text.display import Displayed
+from pivident.robot.mjcf_actuators import ActuatorLaw
 from pivident.robot.naming import ROBOT_FILES, nearest
-
-if TYPE_CHECKING:
-    from pivident.robot.mjcf_actuators import ActuatorLaw
 
 #: Why those methods are taken where there is no torque.
 _POSITIONS = "no torque was logged: simulated positions are compared with the measured ones"
@@ -142,8 +138,7 @@ def _known_law(found: RecordingLines, answers: Answers) -> list[Assumption]:
 def _law_of_actuators(found: RecordingLines, law: ActuatorLaw) -> list[Assumption]:
     """Lines of the law that the actuators of the robot's file are."""
     file = Path(found.machine.description).name
-    with_speeds = any(line.key == "dq_ref" for line in found.recording)
-    keys = controller_keys(law, with_speeds)
+    keys = controller_keys(law, any(line.key == "dq_ref" for line in found.recording))
     said = {
         "type": f"no torque was logged; the position actuators of {file} give it by this law",
         "speed_feed_forward": "position actuators of MuJoCo damp the speed itself: 0; a drive that "
@@ -256,8 +251,7 @@ def draft_experiment(
             findings = try_out(text, out, findings, say)
     robot_part = [a for a in lines if a.table == "robot"]
     rest = [a for a in lines if a.table != "robot"]
-    assumptions = (*robot_part, *recordings[0], *rest)
-    return Draft(text, assumptions, findings.troubles, findings.explained)
+    return Draft(text, (*robot_part, *recordings[0], *rest), findings.troubles, findings.explained)
 
 
 def relative_path(path: Path, out: Path) -> str:

@@ -344,8 +344,7 @@ def _window(clock: LogClock, first: float, last: float) -> tuple[float, float]:
     start, end = float(clock.seconds[0]), float(clock.seconds[-1])
     low, high = max(start, first - MARGIN), min(end, last + MARGIN)
     if clock.together:
-        inside = (clock.seconds >= low) & (clock.seconds <= high)
-        return stretches(clock.seconds[inside]).longest
+        return stretches(clock.seconds[(clock.seconds >= low) & (clock.seconds <= high)]).longest
     if (low - start) + (end - high) < WORTH_CUTTING:
         return start, end
     return low, high

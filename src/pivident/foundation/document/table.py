@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -13,16 +12,15 @@ import numpy as np
 from pivident.foundation.errors import PividentError, UnknownName
 from pivident.foundation.extras import require
 from pivident.foundation.text.display import Displayed
-from pivident.foundation.text.identifiers import latex_text, one_line
+from pivident.foundation.text.identifiers import escaped, latex_text, one_line, sheet_text
 from pivident.foundation.text.numbers import (
     format_significant,
     latex_number,
     latex_unit,
+    plain_table,
     with_spread,
 )
-from pivident.foundation.text.plain_table import plain_table
 from pivident.foundation.text.plain_values import csv_table
-from pivident.foundation.text.printable import escaped, sheet_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -216,11 +214,9 @@ class Table(Displayed):
         columns = [column.written() for column in self._columns.values()]
         text = csv_table(self.columns, zip(*columns, strict=True))
         if path is not None:
-            from pivident.foundation.files import atomic_folder
+            from pivident.foundation.files import write_file
 
-            target = Path(path)
-            with atomic_folder(target.parent) as build:
-                (build / target.name).write_text(text, "utf-8", errors="backslashreplace")
+            write_file(path, text, errors="backslashreplace")
         return text
 
     def to_latex(self, comment: str = "") -> str:

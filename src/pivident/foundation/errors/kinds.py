@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from pivident.foundation.text.printable import shortened
+from pivident.foundation.text.identifiers import shortened
 from pivident.foundation.text.sentences import NearestNames
 
 

@@ -341,13 +341,12 @@ class ClocksDisagree(RecordingError):
         spans = [
             f"{c} by {clock} runs from {a:.3f} to {b:.3f} s" for c, clock, a, b in (one, other)
         ]
-        if apart is None:
-            text = f"{spans[0]}, {spans[1]}: they share no time"
-        else:
-            text = (
-                f"{spans[0]}, {spans[1]}: these are two clocks, {abs(apart):.3f} s apart by when "
-                "the messages were received"
-            )
+        text = (
+            f"{spans[0]}, {spans[1]}: they share no time"
+            if apart is None
+            else f"{spans[0]}, {spans[1]}: these are two clocks, {abs(apart):.3f} s apart by when "
+            "the messages were received"
+        )
         super().__init__(
             f"{text}. Does one count from 1970 and the other from when its machine was switched "
             "on? Name stamps of one clock",

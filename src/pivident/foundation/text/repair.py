@@ -273,8 +273,7 @@ class Repair:
             ValueError: it has another form.
         """
         try:
-            edits = tuple(_edit_of(edit) for edit in content["edits"])
-            return cls(edits, str(content["words"]))
+            return cls(tuple(_edit_of(edit) for edit in content["edits"]), str(content["words"]))
         except (KeyError, TypeError, AttributeError):
             raise ValueError("this is no repair") from None
 
@@ -315,8 +314,7 @@ def joined_repairs(several: Sequence[Sequence[Repair]]) -> tuple[Repair, ...]:
 def _edit_of(content: Mapping[str, Any]) -> Change:
     """An edit of its plain values: lists are tuples again but in values of the file."""
     kind = CHANGES[content["edit"]]
-    names = [field.name for field in fields(kind)]
-    if content.keys() - {"edit", *names}:
+    if content.keys() - {"edit", *[field.name for field in fields(kind)]}:
         raise TypeError
     return kind(**{n: x if n == "value" else _tuples(x) for n, x in content.items() if n != "edit"})
 

@@ -26,7 +26,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, InlineTable, Item, Key, Table
 
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
 from pivident.foundation.text.repair import Place
 
 #: Largest file that is read as TOML [bytes]; larger ones are logs.

@@ -135,22 +135,22 @@ class ConsistentEstimate:
     def headline(self) -> str:
         """The result in one line."""
         model = self.model
-        if model.was_consistent:
-            text = "the free estimate is consistent as it is"
-        else:
-            text = (
-                f"{format_significant(model.distance)} σ from the free estimate, "
-                f"{format_significant(model.least_distance)} σ at least"
-            )
+        text = (
+            "the free estimate is consistent as it is"
+            if model.was_consistent
+            else f"{format_significant(model.distance)} σ from the free estimate, "
+            f"{format_significant(model.least_distance)} σ at least"
+        )
         return f"{self.label}: {text} ({1e3 * model.seconds:.0f} ms)"
 
     def sentences(self) -> list[str]:
         """The result, its cost in torque error, and notes."""
         lines = [self.model.headline()]
         if self.prediction is not None:
-            text = str(self.prediction)
-            lines.append(f"{capital(text)}.")
-            lines += [f"Not consistent: {failure}." for failure in self.prediction.failures]
+            lines += [
+                f"{capital(str(self.prediction))}.",
+                *(f"Not consistent: {failure}." for failure in self.prediction.failures),
+            ]
         lines += [f"{note.rstrip('.')}." for note in self.model.notes]
         if missing := self.not_found():
             lines.append(not_found_sentence(missing))
@@ -159,14 +159,16 @@ class ConsistentEstimate:
     def not_found(self) -> tuple[str, ...]:
         """Quantities whose interval has an end that the solver did not find."""
         names = [*self.base.not_found, *self.standard.not_found]
-        for row in self.links:
+        names += [
+            f"the {title} of {row.name}"
+            for row in self.links
             for title, own in (
                 ("mass", (row.mass,)),
                 ("centre of mass", row.center_of_mass),
                 ("principal moments", row.moments),
-            ):
-                if any(math.isnan(end) for q in own for end in (q.low, q.high)):
-                    names.append(f"the {title} of {row.name}")
+            )
+            if any(math.isnan(end) for q in own for end in (q.low, q.high))
+        ]
         return tuple(dict.fromkeys(names))
 
     def held_back(self) -> list[str]:

@@ -128,13 +128,12 @@ def _of_kind(found: ModelErrors, named: Sequence[NamedCause]) -> Finding:
         whose = listed(list(dict.fromkeys(one.cause.subject for one in named)), 3)
         text = f"Friction has another law than assumed: {whose}. Its residual has {sizes}"
     most, matters = max(named, key=lambda one: one.shift), any(one.matters for one in named)
-    if matters:
-        text += (
-            f". Corrected, it changes {most.parameter} by "
-            f"{format_significant(most.shift, 2)} standard errors"
-        )
-    else:
-        text += ". Corrected, it changes no parameter by two standard errors"
+    text += (
+        f". Corrected, it changes {most.parameter} by "
+        f"{format_significant(most.shift, 2)} standard errors"
+        if matters
+        else ". Corrected, it changes no parameter by two standard errors"
+    )
     others = [str(other) for one in named for other in one.alternatives]
     if others:
         text += f". The record cannot tell it from {listed(others, 2)}"
@@ -236,8 +235,7 @@ def _unchecked(errors: Sequence[UncheckedCause]) -> Iterator[Finding]:
             for own in errors
             if own.cause.kind == one.cause.kind
         }
-        subject = one.cause.subject
-        yield Finding("note", "model", NOT_CHECKED, text, subject, step, evidence)
+        yield Finding("note", "model", NOT_CHECKED, text, one.cause.subject, step, evidence)
 
 
 def _shown_from(one: UncheckedCause) -> str:
@@ -264,8 +262,7 @@ def _thing(cause: Cause) -> str:
 
 def intervals(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """Parameters that vary over motion or friction laws by much more than their interval says."""
-    result = diagnostics.identifications[name]
-    wide = much_wider(result, diagnostics.ranges.get(name, ()))
+    wide = much_wider(diagnostics.identifications[name], diagnostics.ranges.get(name, ()))
     if not wide:
         return
     said = [

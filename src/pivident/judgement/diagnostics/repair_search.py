@@ -158,8 +158,7 @@ def clearly_lower(change: np.ndarray, tried: int, least: float = LEAST_GAIN) -> 
 
 def _tried(rows: ReadingRows) -> Iterator[tuple[Repair, np.ndarray]]:
     """Repairs with the scores of the rows that they make."""
-    names = rows.robot.joint_names
-    for j, name in enumerate(names):
+    for j, name in enumerate(rows.robot.joint_names):
         yield _torque(name, -1.0), rows.with_gain(j, -1.0)
         gain = _gain(rows, j)
         if gain is not None:

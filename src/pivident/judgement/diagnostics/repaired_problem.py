@@ -2,10 +2,13 @@
 
 What a repair does to a file, see `pivident.experiment.repairs`, it does here to the samples that
 were read: a judge can try it without reading the log again. Samples are those of the joint side.
+
+What was wrong where a repair helps, in words.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import singledispatch
@@ -17,7 +20,9 @@ from pivident.data.logs.log import factors_of, gains_of, sides_of
 from pivident.data.recording.recording import Recording
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.numbers import format_significant
 from pivident.foundation.text.repair import (
+    CALLED,
     RECORDING,
     Change,
     Edit,
@@ -29,6 +34,7 @@ from pivident.foundation.text.repair import (
     Reversed,
     Shifted,
 )
+from pivident.foundation.text.sentences import listed
 from pivident.robot.description import Robot
 
 #: Channels of a joint's position and of its derivatives, each by what it belongs to.
@@ -194,8 +200,7 @@ def _edit(edit: Edit, problem: Problem) -> Problem:
         case ("identify", "parameters"):
             return problem.estimating(value)
         case (*table, "part") if table[:1] == list(RECORDING):
-            parts = tuple(r.slice(*value) for r in problem.recordings)
-            return replace(problem, recordings=parts)
+            return replace(problem, recordings=tuple(r.slice(*value) for r in problem.recordings))
         case (*table, "delay" | "drive_delay" | "torque_timing" as key) if table[:1] == list(
             RECORDING
         ):
@@ -228,3 +233,73 @@ def worth_of_units(robot: Robot, recording: Recording) -> dict[str, np.ndarray]:
         gains, _ = gains_of(commands, robot.transmission)
         worth[channel] = np.abs(factors * gains * (of_gear if sides[channel] == "motor" else 1.0))
     return worth
+
+
+def cause_of(repair: Repair, joints: Sequence[str]) -> str:
+    """What was wrong, one sentence for each edit; empty where its edits do not say.
+
+    Args:
+        repair: which helps.
+        joints: names of the robot's joints, in order.
+    """
+    return " ".join(filter(None, (_of(edit, joints) for edit in repair.edits)))
+
+
+def _of(edit: Change, names: Sequence[str]) -> str:
+    """One edit."""
+    match edit:
+        case Reversed(channel="", joints=joints):
+            return f"{listed(joints)} turn{'s' * (len(joints) == 1)} the other way than described."
+        case Reversed(channel=channel, joints=joints):
+            return f"The {CALLED.get(channel, channel)} of {listed(joints)} has the other sign."
+        case Multiplied(channel="q", factors=factors):
+            return " ".join(_unit(*pair) for pair in factors)
+        case Multiplied(channel=channel, factors=factors):
+            said = [f"of {j} is {format_significant(1.0 / f)} times as large" for j, f in factors]
+            return f"The logged {CALLED.get(channel, channel)} {listed(said)} as it should be."
+        case Reordered(channel=channel, order=order):
+            whose = CALLED.get(channel, "column") if channel else "column"
+            moved = [names[k] for k, own in enumerate(order) if own != k]
+            return f"The {whose}s of {' and '.join(moved)} are exchanged."
+        case Shifted(offsets=offsets):
+            said = [f"of {j} is off by {_angle(x)}" for j, x in offsets]
+            return f"The zero position {listed(said)}."
+        case Retimed(factor=factor):
+            times = factor if factor > 1.0 else 1.0 / factor
+            faster = "fast" if factor > 1.0 else "slowly"
+            return f"The clock runs {format_significant(times)} times as {faster} as it should."
+        case NotRead(channel=channel):
+            return f"{channel} is not what its name says."
+        case Edit(place=("robot", "gravity"), value=value) if not any(value):
+            return "The torques hold no gravity: the drives have taken it out."
+        case Edit(place=("robot", "gravity"), value=value):
+            return f"Gravity points along {_axis(value)} of the base."
+        case Edit(place=(*_, "delay"), value=value):
+            late = 1e3 * (value or 0.0)
+            side = "before" if late < 0.0 else "after"
+            return f"The torques were logged {abs(late):.3g} ms {side} the positions."
+        case Edit(place=(*_, "torque_timing"), value=value):
+            return f"The torques are {value}, see torque_timing."
+    return ""
+
+
+def _unit(joint: str, factor: float) -> str:
+    """Degrees among radians, or a factor."""
+    if math.isclose(factor, math.pi / 180.0, rel_tol=1e-3):
+        return f"The position of {joint} is in degrees."
+    if math.isclose(factor, 180.0 / math.pi, rel_tol=1e-3):
+        return f"The position of {joint} is in radians."
+    return f"The position of {joint} is {format_significant(1.0 / factor)} times as large."
+
+
+def _angle(radians: float) -> str:
+    return f"{math.degrees(-radians):.4g}°"
+
+
+def _axis(gravity: Sequence[float]) -> str:
+    """``-z``, or the components."""
+    size = math.hypot(*gravity)
+    for axis, x in zip("xyz", gravity, strict=True):
+        if abs(x) > 0.99 * size:
+            return f"{'+' if x > 0 else '-'}{axis}"
+    return str(list(gravity))

@@ -104,7 +104,7 @@ def _continues_level(result: Identification) -> bool:
 def spectral_lines(result: Identification) -> Iterator[Finding]:
     """Spectral lines of the encoders, which the smoother has taken into account."""
     records = () if result.equations is None else result.equations.records
-    units = dict(zip((j.name for j in result.joints), _position_units(result), strict=True))
+    units = {joint.name: joint.position_unit for joint in result.robot.joints}
     found = {
         f"{joint} at {format_significant(line.frequency)} Hz, {format_significant(line.std, 2)} "
         f"{units[joint]}"
@@ -114,12 +114,7 @@ def spectral_lines(result: Identification) -> Iterator[Finding]:
     }
     if found:
         text = "The encoders' noise has spectral lines, which the smoother has taken into account"
-        message = f"{text}: {listed(sorted(found))}."
-        yield Finding("note", "encoders", "spectral lines", message)
-
-
-def _position_units(result: Identification) -> list[str]:
-    return ["rad" if joint.kind == "revolute" else "m" for joint in result.robot.joints]
+        yield Finding("note", "encoders", "spectral lines", f"{text}: {listed(sorted(found))}.")
 
 
 def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:

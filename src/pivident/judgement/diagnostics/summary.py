@@ -17,8 +17,7 @@ import numpy as np
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRow, parameter_rows
 from pivident.foundation.text.finding import Finding
-from pivident.foundation.text.numbers import format_significant, percent
-from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.numbers import format_significant, percent, plain_table
 from pivident.foundation.text.sentences import first_sentence, plural
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
 from pivident.judgement.diagnostics.uses import Use
@@ -178,8 +177,10 @@ class Summary:
             ("torque rms", ">", [row.torque for row in self.joints]),
             ("error", "<", [row.error for row in self.joints]),
         ]
-        for k, title in enumerate(self.titles):
-            columns.append((title, "<", _aligned([row.friction[k] for row in self.joints])))
+        columns += [
+            (title, "<", _aligned([row.friction[k] for row in self.joints]))
+            for k, title in enumerate(self.titles)
+        ]
         return plain_table([*columns, ("", "<", [row.remark for row in self.joints])])
 
 

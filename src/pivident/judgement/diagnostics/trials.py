@@ -34,8 +34,7 @@ from pivident.judgement.audit.steps import LOST, REPEATED_SAMPLE, unsteady_steps
 from pivident.judgement.diagnostics.logged_speeds import speed_evidence
 from pivident.judgement.diagnostics.reading_rows import ReadingRows
 from pivident.judgement.diagnostics.repair_search import Candidate, joined, raises_the_error, search
-from pivident.judgement.diagnostics.repair_words import cause_of
-from pivident.judgement.diagnostics.repaired_problem import repaired
+from pivident.judgement.diagnostics.repaired_problem import cause_of, repaired
 from pivident.judgement.validation.held_out.cross_validation import CrossValidation, judged_on
 from pivident.judgement.validation.held_out.folds import JudgedMotion
 from pivident.judgement.validation.held_out.out_of_sample import error_ratio
@@ -200,8 +199,9 @@ def _suspicions(
         whole = joined(candidates)
         alike = tuple(cause_of(r, names) for one in candidates for r in one.alike)
         found.append(_Suspicion(whole, cause_of(whole, names), "", alike, True))
-    for said in speed_evidence(problem):
-        found.append(_Suspicion(said.repair, said.sentence, said.sentence))
+    found += [
+        _Suspicion(said.repair, said.sentence, said.sentence) for said in speed_evidence(problem)
+    ]
     for finding in log:
         if finding.declared in (LOST, REPEATED_SAMPLE):
             found.append(_Suspicion(None, finding.message, finding=finding))

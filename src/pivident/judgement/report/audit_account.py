@@ -12,8 +12,18 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pivident.foundation.document.figure import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
-from pivident.foundation.document.plot import Plot, Trace, colour_scale, kept_samples, trace
+from pivident.foundation.document.plot import (
+    ERROR,
+    MEASURED,
+    METHOD_COLOURS,
+    Figure,
+    Plot,
+    Trace,
+    colour_scale,
+    empty_plot,
+    kept_samples,
+    trace,
+)
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.text.finding import Finding, counted, gravest_first, serious
 from pivident.foundation.text.numbers import with_spread
@@ -71,8 +81,7 @@ def grid_figure(audit: Audit) -> Figure | None:
     y = {"type": "log", "rangemode": "tozero"}
     plot = audit_plot("levels over the range", traces=[bars], y=y)
     note = "steps of the grid that the values lie on; fewer levels make rougher derivatives"
-    label = f"Levels of {len(grids)} quantised signals"
-    return Figure(plot, 280, "Quantisation", label, note)
+    return Figure(plot, 280, "Quantisation", f"Levels of {len(grids)} quantised signals", note)
 
 
 def steps_figures(audit: Audit) -> list[Figure]:

@@ -1,35 +1,44 @@
 """Put the sections together: one HTML file that needs nothing else, no network included.
 
 Documents as one page that needs nothing else, in the look of the report.
+
+Compiled templates are kept beside their sources as Python keeps its modules. A page consists of
+some forty templates, and to translate them takes as long as to fill them in. As with modules, a
+file is found by a digest of its source and the versions of both languages, is written whole or not
+at all, and whatever cannot be read is translated again.
 """
 
 from __future__ import annotations
 
+import marshal
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from jinja2 import BytecodeCache, ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from jinja2.bccache import Bucket, bc_magic
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup, escape
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import method_labels
 from pivident.foundation.document.document import Accounted, Document
-from pivident.foundation.document.figure import (
+from pivident.foundation.document.plot import (
     DARK_COLOURS,
     ERROR,
     MEASURED,
     METHOD_COLOURS,
     Figure,
+    drawing_library,
     drawn,
+    to_json,
 )
-from pivident.foundation.document.plot import drawing_library, to_json
 from pivident.foundation.errors import Attempts, PividentError, in_words, require_kind
-from pivident.foundation.files import atomic_folder
+from pivident.foundation.files import keep, write_file
 from pivident.foundation.text.identifiers import identifier
 from pivident.foundation.text.numbers import format_exact, format_significant, percent, with_spread
 from pivident.foundation.text.plain_values import write_json
@@ -40,7 +49,29 @@ from pivident.judgement.diagnostics.summary import Summary
 from pivident.judgement.report.intervals import marker
 from pivident.judgement.report.report_data import ReportData
 from pivident.judgement.report.sections import Section, sections_of
-from pivident.judgement.report.template_cache import TemplateCache
+
+_FOLDER = Path(__file__).parent / "templates" / "__pycache__"
+
+
+class TemplateCache(BytecodeCache):
+    """Code of templates in a folder that may be missing, read-only or deleted at any time."""
+
+    def __init__(self, folder: Path = _FOLDER) -> None:
+        self.folder = folder
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """Take the code that was kept, if there is any of this source."""
+        with suppress(OSError, EOFError, ValueError, TypeError):
+            code = marshal.loads(self._file(bucket).read_bytes())
+            bucket.code = code if hasattr(code, "co_code") else None
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """Keep the code, where Python itself may keep any."""
+        keep(self._file(bucket), marshal.dumps(bucket.code))
+
+    def _file(self, bucket: Bucket) -> Path:
+        return self.folder / f"{bucket.key}.{bucket.checksum}.{bc_magic.hex()}"
+
 
 #: Scripts of the page, in the order in which they build on each other.
 PAGE_SCRIPTS = (
@@ -110,8 +141,7 @@ def write_report(
         designs=designs,
         attempts=attempts,
     )
-    with atomic_folder(path.parent) as build:
-        (build / path.name).write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+    write_file(path, page, errors="xmlcharrefreplace")
     return path
 
 
@@ -305,6 +335,5 @@ def write_account(
     several = [results] if isinstance(results, Accounted) else results
     documents = [one.account() for one in several]
     page = page_of_documents(documents, names or [str(k + 1) for k in range(len(documents))])
-    with atomic_folder(path.parent) as build:
-        (build / path.name).write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+    write_file(path, page, errors="xmlcharrefreplace")
     return path

@@ -10,15 +10,18 @@ import numpy as np
 
 from pivident.estimation.signal_recipes import Algebraic, Bandpass, Decimated
 from pivident.estimation.summary import frequencies_text
-from pivident.foundation.document.figure import (
+from pivident.foundation.document.plot import (
     ERROR,
+    LEGEND,
     MEASURED,
     METHOD_COLOURS,
     Figure,
+    Plot,
+    band,
     colour,
     empty_plot,
+    packed,
 )
-from pivident.foundation.document.plot import LEGEND, Plot, band, packed
 from pivident.foundation.text.numbers import format_significant, plus_minus
 from pivident.signals.algebraic import algebraic_gain
 from pivident.signals.bandpass import bandpass_response
@@ -85,8 +88,7 @@ def decimation_figure(signals: Decimated, rate: float, method: int) -> Figure:
     gain = decimation_gain(frequency, rate, stages)
     plot = empty_plot("gain [dB]")
     _log_frequency(plot)
-    line = {"color": colour(method), "width": 1.8}
-    _gain(plot, frequency, gain, "decimation", line)
+    _gain(plot, frequency, gain, "decimation", {"color": colour(method), "width": 1.8})
     _mark(plot, nyquist, f"new Nyquist {format_significant(nyquist)} Hz")
     plot.y_axis(range=[FLOOR, 10])
     fine = np.linspace(0.2 * nyquist, nyquist, 4000)
@@ -182,8 +184,7 @@ def prefilter_figure(
         f"{format_significant(decibel[largest])} dB at "
         f"{format_significant(frequency[largest])} Hz"
     )
-    label = f"Bode plot of the prefilter of {name}: {note}"
-    return Figure(plot, 360, name, label, note)
+    return Figure(plot, 360, name, f"Bode plot of the prefilter of {name}: {note}", note)
 
 
 def loop_figure(joint: IdentifiedJointLoop, method: int) -> Figure:

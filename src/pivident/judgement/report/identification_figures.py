@@ -9,19 +9,22 @@ import numpy as np
 
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.foundation.document.curves import Curves, compared, torque_axis
-from pivident.foundation.document.figure import (
+from pivident.foundation.document.plot import (
     ERROR,
     MEASURED,
     METHOD_COLOURS,
     SHADE,
     Figure,
+    Plot,
     colour,
     drawn,
     empty_plot,
     line,
+    packed,
+    stretches,
+    trace,
     traces_of,
 )
-from pivident.foundation.document.plot import Plot, packed, stretches, trace
 from pivident.foundation.text.numbers import format_significant, percent
 from pivident.judgement.validation.residuals.residual_tests import JointResidualTests
 from pivident.loop.simulation.control_loop import IdentifiedLaw

@@ -137,8 +137,7 @@ def _trials(problem: Problem, described: list[str]) -> Iterator[Trial]:
 def _least_squares(problem: Problem) -> np.ndarray | None:
     """Of least squares, nominal where records show nothing; None where it cannot."""
     try:
-        whole = replace(problem, loop=None)
-        found = identify(whole, LeastSquares(signals=RandomWalk()))
+        found = identify(replace(problem, loop=None), LeastSquares(signals=RandomWalk()))
     except PividentError:
         return None
     values = dict(zip(problem.names, problem.initial_values(), strict=True))

@@ -198,8 +198,7 @@ class EliminationRound:
         mapping[:, out] = -change
         self.kept = kept
         self.theta = mapping @ self.found.theta
-        covariance = mapping @ self.found.robust_covariance @ mapping.T
-        self.std = np.sqrt(np.diag(covariance))
+        self.std = np.sqrt(np.diag(mapping @ self.found.robust_covariance @ mapping.T))
 
     def _error(self) -> float:
         """Relative torque error of the foretold estimate [%]."""

@@ -40,8 +40,7 @@ from pivident.foundation.errors import (
     SimulationDiverged,
 )
 from pivident.foundation.text.display import Displayed
-from pivident.foundation.text.numbers import format_significant, with_spread
-from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.numbers import format_significant, plain_table, with_spread
 from pivident.judgement.validation.elimination import (
     Elimination,
     EliminationRound,

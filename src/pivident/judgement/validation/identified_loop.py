@@ -24,7 +24,9 @@ from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.identification import Identification
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.display import Displayed
+from pivident.loop.simulation.controllers import PythonController
 from pivident.loop.simulation.joint_loop import JointFeedback, JointLoop, joint_feedbacks
+from pivident.signals.random_walk_model import required_f50
 
 #: The low-pass of the positions at so many bandwidths, and what the decimation keeps.
 LOWPASS_FACTOR, DECIMATION_FACTOR = 5.0, 2.0
@@ -214,8 +216,6 @@ def _with_inertia(loop: JointLoop, inertia: float) -> JointLoop:
 
 def _notes(identification: Identification) -> tuple[str, ...]:
     """What the linear loops leave out."""
-    from pivident.loop.simulation.controllers import PythonController
-
     loop = identification.loop
     assert loop is not None
     notes = []
@@ -252,8 +252,6 @@ def too_slow_smoothers(
     ``f50``: half-power frequencies of the smoothers [Hz], one per joint; NaN without one. Result:
     name, f50 and the f50 that (A13) wants [Hz].
     """
-    from pivident.signals.random_walk_model import required_f50
-
     found = []
     for joint, own in zip(loop.joints, f50, strict=True):
         wanted = required_f50(joint.bandwidth, order)

@@ -118,8 +118,7 @@ class MomentSums:
 
     def along(self, freedom: Freedom) -> MomentSums:
         """The same of Φ N, Z N, X N and τ - Φ θ₀: as far as the parameters are free."""
-        count = 2 + bool(self.extra)
-        left = np.kron(np.eye(count), freedom.basis.T)
+        left = np.kron(np.eye(2 + bool(self.extra)), freedom.basis.T)
         every = np.zeros((len(left) + 1, len(self.gram)))
         every[:-1, :-1], every[-1, -1] = left, 1.0
         every[-1, : self.size] = -freedom.offset

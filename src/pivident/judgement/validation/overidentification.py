@@ -253,8 +253,7 @@ def added_moments(
     gram = own - cross - cross.T + projection @ sums.block(base, base) @ projection.T
     new = np.diag(gram) > NEW_SHARE * np.diag(own)
     if not new.any():
-        nothing = WindowedStatistic(0.0, 0, (0.0, 0.0), 1.0)
-        return AddedMoments(nothing, 0.0, 0)
+        return AddedMoments(WindowedStatistic(0.0, 0, (0.0, 0.0), 1.0), 0.0, 0)
     steps = _window_moments(sums, base, further, projection)
     basis = directions_of(gram[np.ix_(new, new)])
     statistic = windowed_statistic(moment[new], steps[:, new], sums.shares, basis)

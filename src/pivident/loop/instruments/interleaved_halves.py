@@ -47,9 +47,8 @@ def interleaved_instruments(kinematics: Sequence[Kinematics]) -> GivenMotions:
         regressors.append(replace(kin, q=even.q, dq=dq, ddq=ddq, smoothers=even.smoothers))
         motions.append(virtual_motion(replace(kin, q=odd.q)))
         coloured = np.maximum(coloured, np.abs(_neighbours(kin)))
-    names = kinematics[0].recording.joint_names
     said = "the noise of neighbouring positions is correlated"
-    shares = correlated(said, names, coloured, COLOURED)
+    shares = correlated(said, kinematics[0].recording.joint_names, coloured, COLOURED)
     return GivenMotions(HALVES, motions, (), agreement(regressors, motions), shares, regressors)
 
 

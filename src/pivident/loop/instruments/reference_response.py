@@ -37,6 +37,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import qr, solve_triangular
 
 from pivident.data.recording.recording import Recording
 from pivident.foundation.distributions import chi_square
@@ -243,8 +244,7 @@ class LinearResponse:
 def odd_extension(x: np.ndarray, margin: int) -> np.ndarray:
     """A signal with so many samples more at both ends, mirrored at the end points."""
     before = 2.0 * x[0] - x[margin:0:-1]
-    after = 2.0 * x[-1] - x[-2 : -2 - margin : -1]
-    return np.concatenate([before, x, after])
+    return np.concatenate([before, x, 2.0 * x[-1] - x[-2 : -2 - margin : -1]])
 
 
 def fit_response(x: np.ndarray, y: np.ndarray, used: slice) -> LinearResponse:
@@ -258,8 +258,6 @@ def fit_response(x: np.ndarray, y: np.ndarray, used: slice) -> LinearResponse:
     Returns:
         The response; that of a signal x without any motion explains nothing.
     """
-    from scipy.linalg import qr, solve_triangular
-
     target = y[used]
     total, best = float(target @ target), None
     for time_constant in TIME_CONSTANTS:

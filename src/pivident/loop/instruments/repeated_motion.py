@@ -75,8 +75,7 @@ def _pairs(
     """Every two stretches of the same instants, each with the shift that fits best."""
     stretches = []  # record, first sample, one past the last, first instant
     for number, (kin, where) in enumerate(zip(kinematics, instants, strict=True)):
-        borders = np.flatnonzero(np.diff(where) != 1) + 1
-        for part in np.split(np.arange(where.size), borders):
+        for part in np.split(np.arange(where.size), np.flatnonzero(np.diff(where) != 1) + 1):
             start, stop = max(part[0], kin.start), min(part[-1] + 1, kin.stop)
             if stop - start > 4:
                 stretches.append((number, int(start), int(stop), int(where[start])))

@@ -73,13 +73,12 @@ def _instruments(kinematics: Sequence[Kinematics], channel: str) -> GivenMotions
         q = smoothed if channel == "q_link" else _integrated(kin, smoothed)
         motions.append(SimulatedMotion(q, recording.rate))
         same = np.maximum(same, explained_noise(recording.q, values, recording.rate))
-    names = kinematics[0].recording.joint_names
     said = f"the noise of the {SENSORS[channel]} is correlated with that of the positions"
     found = (
         f"From {SENSORS[channel]}; the noise of the positions explains at most "
         f"{percent(100 * max(float(same.max()), 0.0))} of theirs."
     )
-    shares = correlated(said, names, same, SAME_SENSOR)
+    shares = correlated(said, kinematics[0].recording.joint_names, same, SAME_SENSOR)
     return GivenMotions(SENSOR, motions, (found,), agreement(kinematics, motions), shares)
 
 

@@ -182,8 +182,7 @@ def controller_outputs(
         Limited outputs, shape (samples, joints) [unit of the output].
     """
     if isinstance(controller, PythonController):
-        outputs = _python_outputs(controller, q, q_ref, dq_ref, rate)
-        return np.clip(outputs + added, -limit, limit)
+        return np.clip(_python_outputs(controller, q, q_ref, dq_ref, rate) + added, -limit, limit)
     law = controller.law(rate, q_ref, dq_ref)
     if len(law.masses):
         added = added + GravityModel(robot, law.masses).torque(q)

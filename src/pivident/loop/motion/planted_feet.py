@@ -97,8 +97,7 @@ def _check_stands(
 
 def _at_the_base(robot: Robot, recording: Recording) -> Recording:
     """The recording of the base alone, with Nᵀ (τ + Jᵀ f) of all joints as torque upon it."""
-    base = robot.size
-    q = recording.q[:, :base]
+    q = recording.q[:, : robot.size]
     still = np.zeros_like(q).T
     gain = ClosedChains(robot).motion(q.T, still, still).gain
     torque = np.stack(

@@ -245,8 +245,7 @@ class ParametrisedLoop(Displayed):
         return replace(self, robot=replace(self.robot, joints=tuple(joints)), parameters=parameters)
 
     def _with_torque_offset(self, joint: int, value: float) -> ParametrisedLoop:
-        place = self.robot.places[joint]
-        added = Parameter("torque offset", "off", place, "", friction=offset())
+        added = Parameter("torque offset", "off", self.robot.places[joint], "", friction=offset())
         return replace(
             self, parameters=(*self.parameters, added), theta=np.append(self.theta, value)
         )

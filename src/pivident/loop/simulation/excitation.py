@@ -54,8 +54,7 @@ class FourierSeries:
         sine, cosine = np.sin(np.outer(t, omega)), np.cos(np.outer(t, omega))
         q = self.offset + sine @ (self.a / omega).T - cosine @ (self.b / omega).T
         dq = cosine @ self.a.T + sine @ self.b.T
-        ddq = -(sine * omega) @ self.a.T + (cosine * omega) @ self.b.T
-        return q, dq, ddq
+        return q, dq, -(sine * omega) @ self.a.T + (cosine * omega) @ self.b.T
 
 
 @dataclass(frozen=True, eq=False)

@@ -178,8 +178,7 @@ class JointLoop:
         plant = np.convolve([1.0, -1.0], [1.0, -decay])
         poles = np.convolve(denominator, plant)
         loop = self.drive_gain * np.convolve(numerator, self._plant_numerator)
-        size = max(poles.size, loop.size)
-        closed = np.zeros(size)
+        closed = np.zeros(max(poles.size, loop.size))
         closed[: poles.size] += poles
         closed[: loop.size] += loop
         return bool((np.abs(np.roots(closed)) < 1.0 + _OUTSIDE).all())

@@ -51,7 +51,7 @@ from pivident.loop.simulation.integration import (
     slope_times,
     subtract_product,
 )
-from pivident.robot.friction_terms.load import LOAD
+from pivident.robot.friction_terms.coulomb import LOAD
 
 #: Largest √‖M⁻¹K‖·h of an inner step: of the linear one …
 OSCILLATION_PER_STEP = 0.5

@@ -133,13 +133,13 @@ class ModelEntries:
                 behind, ahead = (loop.moved(direction, sign * step).model for sign in (-1.0, 1.0))
                 self._add(behind, ahead, 2.0 * step, d)
             elif direction.kind == "torque_offset":
-                where = (direction.joint, LINEAR, direction.joint, 1, d)
-                self.friction.append((where, 1.0))
+                self.friction.append(((direction.joint, LINEAR, direction.joint, 1, d), 1.0))
 
     def _add(self, behind: Model, ahead: Model, width: float, d: int) -> None:
         change = (ahead.rotor - behind.rotor) / width
-        for i, j in np.argwhere(np.tril(change)).tolist():
-            self.rotor.append(((i, j, d), float(change[i, j])))
+        self.rotor += [
+            ((i, j, d), float(change[i, j])) for i, j in np.argwhere(np.tril(change)).tolist()
+        ]
         self.friction += _friction_entries(behind.friction, ahead.friction, width, d)
         if behind.closed is not None and ahead.closed is not None:
             before, after = behind.closed.friction, ahead.closed.friction
@@ -159,6 +159,8 @@ def _friction_entries(
     found = []
     for table, before, after in tables:
         change = (after - before) / width
-        for row, column in np.argwhere(change).tolist():
-            found.append(((row, table, row, column, d), float(change[row, column])))
+        found += [
+            ((row, table, row, column, d), float(change[row, column]))
+            for row, column in np.argwhere(change).tolist()
+        ]
     return found

@@ -40,7 +40,7 @@ from pivident.loop.simulation.path_integration import SLOPE_ROWS
 from pivident.loop.simulation.rigid_body_tangent import BLOCK_LAYERS
 from pivident.loop.simulation.step_tangent import BLOCK_ROWS
 from pivident.loop.simulation.tangent_entries import LawEntries, ModelEntries, law_slope
-from pivident.robot.friction_terms.load import LOAD
+from pivident.robot.friction_terms.coulomb import LOAD
 
 #: Samples of a block: a few MiB of tangents, so that what is done once a block hardly counts.
 TANGENT_BLOCK = 512
@@ -232,8 +232,7 @@ def _initial_tangent(
     links, body = slope_scratch(len(model.inertia))
     loops = None
     if model.closed is not None:
-        of_passive = _entry_arrays(tables.passive)
-        loops = closed_tangent(model.closed, *of_passive, count)
+        loops = closed_tangent(model.closed, *_entry_arrays(tables.passive), count)
     return LoopTangent(
         vectors=vectors,
         matrices=row_array(MATRIX_LAYERS, n, n, count),

@@ -18,6 +18,7 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.inverse_dynamics import InverseDynamics
 from pivident.dynamics.parameters import Parameter
+from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.identification import Identification, estimated_in_base, torque_sums
 from pivident.estimation.solved_equations import TorqueSums
 from pivident.foundation.document.table import Column, Table
@@ -183,10 +184,7 @@ class ConsistentModel(Displayed):
             dq: joint speeds [rad/s or m/s].
             ddq: joint accelerations [rad/s² or m/s²].
         """
-        from pivident.dynamics.robot_regressor import regressor_of
-
-        regressor = regressor_of(self.robot, self.parameters)
-        return regressor.torque(q, dq, ddq, self.values)
+        return regressor_of(self.robot, self.parameters).torque(q, dq, ddq, self.values)
 
     def intervals(self, level: float = 0.95, of: str = "estimated") -> ProfileIntervals:
         """Profile intervals over the consistent parameters, see `profile_intervals`.
@@ -233,15 +231,14 @@ class ConsistentModel(Displayed):
 
     def headline(self) -> str:
         """The result in one or two sentences."""
-        if self.was_consistent:
-            text = f"The estimate of {self.free.method} is physically consistent as it is."
-        else:
-            text = (
-                f"The estimate of {self.free.method} is not physically consistent; the least "
-                f"distance to consistent parameters is {format_significant(self.least_distance)} σ "
-                f"(p = {self.p_value:.2g}), that of the model "
-                f"{format_significant(self.distance)} σ."
-            )
+        text = (
+            f"The estimate of {self.free.method} is physically consistent as it is."
+            if self.was_consistent
+            else f"The estimate of {self.free.method} is not physically consistent; the least "
+            f"distance to consistent parameters is {format_significant(self.least_distance)} σ "
+            f"(p = {self.p_value:.2g}), that of the model "
+            f"{format_significant(self.distance)} σ."
+        )
         if np.isfinite(self.torque_error):
             text += (
                 f" Torque error on the fitted record: {100 * self.torque_error_free:.3g} % free, "

@@ -117,8 +117,10 @@ def _real_bodies(
         least, lightest = least_body(float(reference.diameters[i]))
         offset = -triangle(reference.scaled(i, least))
         name = links[i]
-        made.append(Constraint(name, REAL_BODY, "semidefinite", 4, matrix, offset))
-        made.append(_at_least(name, LEAST_MASS, place[9:], lightest, reference))
+        made += [
+            Constraint(name, REAL_BODY, "semidefinite", 4, matrix, offset),
+            _at_least(name, LEAST_MASS, place[9:], lightest, reference),
+        ]
     return made
 
 
@@ -163,8 +165,7 @@ def coupled_joints(robot: Robot) -> list[tuple[int, ...]]:
     groups: list[set[int]] = []
     for c in robot.couplings:
         touching = [g for g in groups if g & {c.motor, c.joint}]
-        merged = {c.motor, c.joint}.union(*touching)
-        groups = [g for g in groups if g not in touching] + [merged]
+        groups = [g for g in groups if g not in touching] + [{c.motor, c.joint}.union(*touching)]
     return [tuple(sorted(g)) for g in groups]
 
 

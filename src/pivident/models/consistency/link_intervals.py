@@ -83,8 +83,10 @@ def center_of_mass_range(
     conditions = (*imposed(space, constraints), allowed(space, least_distance, confidence))
     requirements = [_homogeneous(r, size) for r in conditions]
     rows = np.c_[space.slope[place[6:]], space.start[place[6:]]] / mass  # mx my mz m over (y, s)
-    requirements.append(Requirement("nonnegative", 1, np.eye(1, size + 1, size), np.zeros(1)))
-    requirements.append(Requirement("zero", 1, rows[3:], -np.ones(1)))
+    requirements += [
+        Requirement("nonnegative", 1, np.eye(1, size + 1, size), np.zeros(1)),
+        Requirement("zero", 1, rows[3:], -np.ones(1)),
+    ]
     box = np.r_[rows[:3], -rows[:3]] / reach
     requirements.append(Requirement("nonnegative", 6, -box, np.ones(6)))
     low, high = np.empty((2, 3))
@@ -93,8 +95,7 @@ def center_of_mass_range(
         for ends, sign in ((low, 1.0), (high, -1.0)):
             solved = lowest(sign * rows[axis] / scale, requirements)
             end = rows[axis] @ solved.u if solved.found else np.nan
-            is_open = solved.unbounded or abs(end) > 0.99 * reach
-            ends[axis] = -sign * np.inf if is_open else end
+            ends[axis] = -sign * np.inf if solved.unbounded or abs(end) > 0.99 * reach else end
     return low, high
 
 

@@ -120,9 +120,7 @@ def interval_text(quantity: Quantity, factor: float = 1.0, digits: int = 3) -> s
 def ends_text(low: float, high: float, digits: int = 3) -> str:
     """``0.02 to 15.5``; ``open`` where nothing bounds an end, ``not found`` where it is unknown."""
     ends = [_end_text(end, digits) for end in (low, high)]
-    if ends[0] == ends[1] and ends[0] in (OPEN, NOT_FOUND):
-        return ends[0]
-    return " to ".join(ends)
+    return ends[0] if ends[0] == ends[1] and ends[0] in (OPEN, NOT_FOUND) else " to ".join(ends)
 
 
 def _end_text(end: float, digits: int) -> str:

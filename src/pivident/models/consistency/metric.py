@@ -88,8 +88,7 @@ def make_metric(
     root = np.zeros((len(base), len(base)))
     std = np.sqrt(np.diag(covariance))
     correlations = covariance / np.outer(std, std)
-    half = std[:, None] * np.linalg.cholesky(correlations)
-    root[np.ix_(estimated, estimated)] = half
+    root[np.ix_(estimated, estimated)] = std[:, None] * np.linalg.cholesky(correlations)
     if left_out.size:
         limit = 1.0 / (MAX_UNSEEN * scales[left_out]) ** 2
         if sums is None:
@@ -102,14 +101,12 @@ def make_metric(
         else:
             absorbed, seen = _conditional(sums.gram, covariance, estimated, left_out)
         size = 1.0 / np.sqrt(np.diag(seen) + limit)
-        scaled = (seen + np.diag(limit)) * np.outer(size, size)
-        lower = np.linalg.cholesky(scaled)
+        lower = np.linalg.cholesky((seen + np.diag(limit)) * np.outer(size, size))
         # β_D = V x with Vᵀ (S/v + limits) V = 1
         spread = size[:, None] * np.linalg.inv(lower).T
         root[np.ix_(left_out, left_out)] = spread
         root[np.ix_(estimated, left_out)] = -absorbed @ spread
-    center = estimated_in_base(identification, base)
-    return Metric(base, estimated, center, root, tuple(notes))
+    return Metric(base, estimated, estimated_in_base(identification, base), root, tuple(notes))
 
 
 def full_covariance(identification: Identification) -> tuple[np.ndarray, bool]:

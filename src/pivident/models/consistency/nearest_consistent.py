@@ -176,10 +176,8 @@ def nearest_consistent(
     Conditions that are ``plausible`` restrict the choice unless the data contradict them;
     ``torque_error``: of standard parameters on the fitted record, NaN where it is not known.
     """
-    requirements = imposed(space, constraints)
-    closest = _closest(space, requirements, constraints)
-    x = closest.u[: space.distances]
-    least = float(np.linalg.norm(x))
+    closest = _closest(space, imposed(space, constraints), constraints)
+    least = float(np.linalg.norm(closest.u[: space.distances]))
     if least < CONSISTENT:
         kept = _kept(space, constraints, reference, prior)
         if kept.found and (outside := _violated(space, plausible, _wide(space, kept.u))):
@@ -362,8 +360,7 @@ def active_constraints(
             continue
         rows, words = _at_the_limit(c, y)
         normals.append(rows @ space.slope)
-        share = float(y @ (c.matrix @ moved)) / squared
-        found.append(Active(c.subject, words, size, share))
+        found.append(Active(c.subject, words, size, float(y @ (c.matrix @ moved)) / squared))
     ordered = sorted(found, key=lambda a: -a.share)
     return tuple(ordered), _directions(np.concatenate(normals), space.distances)
 

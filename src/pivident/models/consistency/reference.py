@@ -309,8 +309,7 @@ def _carried_inertia(robot: Robot, standard: Sequence[Parameter], values: np.nda
     links = tuple(p for p in standard if p.is_inertial)
     inertia = np.array([v for p, v in zip(standard, values, strict=True) if p.is_inertial])
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (POSTURES, robot.size))
-    prismatic = [joint.kind == "prismatic" for joint in robot.joints]
-    for j in np.flatnonzero(prismatic):
+    for j in np.flatnonzero([joint.kind == "prismatic" for joint in robot.joints]):
         low, high = robot.joints[j].position_limits or (0.0, 0.0)
         q[:, j] = low + (high - low) * (0.5 + q[:, j] / (2.0 * np.pi))
     return np.einsum("kjj->kj", mass_matrix(robot, links, inertia, q)).max(axis=0)

@@ -92,8 +92,7 @@ def _sized(robot: Robot, p: Parameter, part: float) -> tuple[str, float]:
     if part == 0.0:
         return "", 0.0
     joint = robot.joints[p.joint]
-    torque = "N m" if joint.kind == "revolute" else "N"
-    unit = "rad" if joint.kind == "revolute" else "m"
+    torque, unit = joint.torque_unit, joint.position_unit
     speed = joint.rated_speed or SPEED
     own = f"{p.name} {part:.4g} {p.unit}"
     if p.stem in ("ia", "iam"):
@@ -123,8 +122,7 @@ def _largest(term: FrictionTerm, joint: Joint, speed: float) -> float:
         return speed
     low, high = joint.position_limits or (-POSITION, POSITION)
     q = np.linspace(low, high, 2001)
-    dq = np.linspace(-speed, speed, 2001)
-    return float(np.abs(friction_column(term, dq, q)).max())
+    return float(np.abs(friction_column(term, np.linspace(-speed, speed, 2001), q)).max())
 
 
 def _dry_friction(

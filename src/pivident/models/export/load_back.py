@@ -273,8 +273,7 @@ def _compared(
     unasked = unasked[list(model.robot.places)] + unasked[passive].sum()
     turning = [shaft for shaft in side.shafts if shaft.dry_friction]
     read = dry.shafts[: len(side.shafts)]
-    written = np.array([shaft.dry_friction for shaft in side.shafts])
-    share, _ = _levels(read, written)
+    share, _ = _levels(read, np.array([shaft.dry_friction for shaft in side.shafts]))
 
     def completed(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         # the load of load-dependent friction is that of all parameters

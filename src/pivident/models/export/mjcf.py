@@ -108,8 +108,7 @@ def _pairs(robot: Robot, closure: Closure, turns: bool) -> list[tuple[str, str, 
     half_turn = np.round(ends[1].rotation.T @ ends[0].rotation)
     one, two = closure.frames
     if closure.kind == "full":
-        turned = Pose(two.rotation @ half_turn, two.translation)
-        return [(closure.name, "weld", (one, turned))]
+        return [(closure.name, "weld", (one, Pose(two.rotation @ half_turn, two.translation)))]
     sides = 1.0, float(half_turn[2, 2])
     points = tuple(
         Pose(f.rotation, f.translation + side * ALONG * f.rotation[:, 2])
@@ -213,8 +212,7 @@ def to_mjcf(model: RunnableModel) -> RobotFile:
     sentences = (*differences(model, "MJCF", SUPPORTED, side.left_out), *_of_mujoco(model, side))
     if loops.equalities:
         drawn = [body.link for group in bodies.values() for body in group]
-        frames = [names[i] for i in drawn if not tree.links[i].is_body]
-        sentences += _of_loops(frames)
+        sentences += _of_loops([names[i] for i in drawn if not tree.links[i].is_body])
     content = "\n".join(out).encode()
     return RobotFile(content, sentences, format="mjcf", left_out=side.left_out, supported=SUPPORTED)
 

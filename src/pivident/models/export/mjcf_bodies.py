@@ -67,8 +67,7 @@ def _drawn(robot: Robot, joints: tuple[int, ...]) -> DrawnBody:
     for frame in frames[1:]:
         pose = pose @ frame
     for frame in reversed(frames[1:]):
-        back = Pose(frame.rotation.T, -frame.rotation.T @ frame.translation)
-        places.insert(0, places[0] @ back)
+        places.insert(0, places[0] @ Pose(frame.rotation.T, -frame.rotation.T @ frame.translation))
     return DrawnBody(joints, pose, tuple(places))
 
 
@@ -131,9 +130,7 @@ def _joint(robot: Robot, side: JointSide, i: int, place: Pose) -> str:
         where = f'pos="{numbers(place.translation)}" {where}'
     if robot.constraints is not None:
         where += f' ref="{number(robot.constraints.posture[i])}"'
-    limits = ""
-    if joint.position_limits is not None:
-        limits = f' range="{numbers(joint.position_limits)}"'
+    limits = "" if joint.position_limits is None else f' range="{numbers(joint.position_limits)}"'
     values = {
         "armature": side.armature[i],
         "damping": side.damping[i],

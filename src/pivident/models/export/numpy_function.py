@@ -129,8 +129,10 @@ def header_lines(model: RunnableModel) -> list[str]:
     lines = provenance_lines(model)
     if origin.identification:
         lines.append(f"SHA-256 of the identification: {one_line(origin.identification)}")
-    lines += [f"SHA-256 of {one_line(k)}: {one_line(v)}" for k, v in origin.sources.items()]
-    lines.append("Joints, in order, position and torque on the joint side:")
+    lines += [
+        *(f"SHA-256 of {one_line(k)}: {one_line(v)}" for k, v in origin.sources.items()),
+        "Joints, in order, position and torque on the joint side:",
+    ]
     for i, joint in enumerate(robot.joints):
         units = "rad, N m" if joint.kind == "revolute" else "m, N"
         lines.append(f"  {i + 1} {one_line(joint.name)}: {joint.kind} [{units}]")
@@ -140,8 +142,10 @@ def header_lines(model: RunnableModel) -> list[str]:
         lines += textwrap.wrap(text, 96)
         lines.append("Results are NaN where the loops do not close.")
     gravity = ", ".join(repr(g) for g in robot.gravity.tolist())
-    lines.append(f"Gravity in the base frame: ({gravity}) m/s^2. Link frames have the joint's axis")
-    lines.append("as z. Torques are those that the drives must give, friction included.")
+    lines += [
+        f"Gravity in the base frame: ({gravity}) m/s^2. Link frames have the joint's axis",
+        "as z. Torques are those that the drives must give, friction included.",
+    ]
     return lines
 
 

@@ -206,9 +206,9 @@ def divide(
         total = moved(identified[i], rotation_from_z_to(joint.axis), np.zeros(3))
         fixed = [m for m in mounted if m.carrier == i and not m.frozen]
         merged = [m for m in fixed if file.links[m.name].any()]
-        for m in fixed:
-            if file.links[m.name].any() or m.name in with_shapes:
-                inertia[m.name] = np.zeros(10)
+        inertia |= {
+            m.name: np.zeros(10) for m in fixed if file.links[m.name].any() or m.name in with_shapes
+        }
         if merged:
             sentences.append(
                 f"link {joint.child!r} contains the bodies behind its fixed joints, whose own "

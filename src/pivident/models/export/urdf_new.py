@@ -71,10 +71,12 @@ def new_urdf(model: RunnableModel, side: JointSide) -> str:
         "  </link>",
     ]
     for i, (name, inertia) in enumerate(zip(names, link_inertias(model), strict=True)):
-        out += [f"  <link name={quoted(name)}>"]
-        out += [f"    {line}" for line in inertial_lines(name, inertia)]
-        out += [f"    {line}" for stick in shapes[i] for line in _visual(stick)]
-        out += ["  </link>"]
+        out += [
+            f"  <link name={quoted(name)}>",
+            *(f"    {line}" for line in inertial_lines(name, inertia)),
+            *(f"    {line}" for stick in shapes[i] for line in _visual(stick)),
+            "  </link>",
+        ]
     for i, joint in enumerate(_with_ranges(robot, following)):
         parent = base if joint.parent < 0 else names[joint.parent]
         lines = _joint(joint, parent, names[i], side.damping[i], side.dry_friction[i])

@@ -134,8 +134,7 @@ class XmlText:
             return
         last = element.children[-1]
         before = self._indent(last)
-        alone = self._starts_line(last)
-        glue = self._newline + before if alone else b""
+        glue = self._newline + before if self._starts_line(last) else b""
         text = glue + self._laid_out(last, lines)
         self._changes.append((last.end, last.end, text))
 

@@ -197,16 +197,17 @@ class Assignments(Displayed):
         if alone != OperationCount():
             lines.append(f"Of these, on parameters alone: {alone}.")
         if self.closing:
-            step = self.closing.step.operation_count
-            lines.append(f"Each step of Newton's method: {step}.")
+            lines.append(f"Each step of Newton's method: {self.closing.step.operation_count}.")
             passive = ", ".join(s.name for s in self.closing.unknown.symbols)
-            lines.append(f"{passive}: {self.closing.unknown.meaning}, by Newton's method")
-            lines.append(
-                "posture: where that starts, positions of the independent joints, then of these"
-            )
-        for argument in (*self.inputs, self.parameters):
-            if argument.symbols:
-                lines.append(f"{argument.name}: {argument.meaning}, {len(argument)} numbers")
+            lines += [
+                f"{passive}: {self.closing.unknown.meaning}, by Newton's method",
+                "posture: where that starts, positions of the independent joints, then of these",
+            ]
+        lines += [
+            f"{argument.name}: {argument.meaning}, {len(argument)} numbers"
+            for argument in (*self.inputs, self.parameters)
+            if argument.symbols
+        ]
         for output in self.outputs:
             shape = " x ".join(map(str, output.shape))
             lines.append(f"{output.name}: {output.meaning}, {shape}")

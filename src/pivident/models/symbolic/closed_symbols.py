@@ -208,8 +208,7 @@ def _typed(
     elif len(joints) == 1 and isinstance(own[0].axes, int):
         solutions = alone(ends, own[0].axes, every, joints[0], posture)
     places = list(robot.places)
-    names = [f"q{i + 1}" for i in places]
-    return chosen_solution(solutions, names, samples[:, places], samples)
+    return chosen_solution(solutions, [f"q{i + 1}" for i in places], samples[:, places], samples)
 
 
 def _counting_turns(robot: Robot) -> set[int]:
@@ -313,8 +312,7 @@ def _closing(robot: Robot, positions: ClosedPositions, gain: np.ndarray) -> Loop
     known = [i for i in range(robot.tree.size) if i not in joints]
     moved = _moved(gain[known], np.array(way, dtype=object))
     right = [-(gap + _along(slope[k, known], moved)) for k, gap in enumerate(gaps)]
-    pattern = positions.pattern[np.ix_(rows, joints)]
-    blocks: list[Block] = block_order(pattern)
+    blocks: list[Block] = block_order(positions.pattern[np.ix_(rows, joints)])
     step = solved_by_blocks(slope[:, joints], [right], blocks)[:, 0]
     unknown = Input(
         "passive",

@@ -118,8 +118,7 @@ class ClosureEquation:
         """The element of c."""
         ends = self.ends
         if isinstance(self.axes, int):
-            apart = plus(ends.points[0], minus(ends.meeting))
-            return dot(ends.axis(0, self.axes), apart)
+            return dot(ends.axis(0, self.axes), plus(ends.points[0], minus(ends.meeting)))
         first, second = self._directions()
         return dot(ends.rotation.out(first), second)
 
@@ -196,8 +195,10 @@ def closing_equations(
     every: list[ClosureEquation | LinearEquation] = []
     for closure in constraints.closures:
         ends = LoopEnds.of(model, closure)
-        every += [ClosureEquation(ends, axis) for axis in range(3)]
-        every += [ClosureEquation(ends, axes) for axes in DIRECTIONS[closure.kind]]
+        every += [
+            *(ClosureEquation(ends, axis) for axis in range(3)),
+            *(ClosureEquation(ends, axes) for axes in DIRECTIONS[closure.kind]),
+        ]
     every += [LinearEquation(one, model.q) for one in constraints.linear]
     return [every[k] for k in constraints.kept]
 

@@ -76,8 +76,7 @@ def solved_by_blocks(
                 [_rest(matrix[r], right[r], solution[:, k], done) for r in block.rows]
                 for k, right in enumerate(rights)
             ]
-            part = solved(matrix[np.ix_(block.rows, block.columns)], own)
-            for k, values in enumerate(part):
+            for k, values in enumerate(solved(matrix[np.ix_(block.rows, block.columns)], own)):
                 solution[list(block.columns), k] = values
         done.extend(block.columns)
     return solution

@@ -168,8 +168,7 @@ def joint_column(
     if p.stem == "fcm":
         speed = model.dq[c.motor] + c.ratio * model.dq[c.joint]
         code, gamma = coupling_sign(model.robot, c.motor)
-        factor = c.ratio if joint == c.joint else 1.0
-        return factor * smooth_sign(code, gamma, speed)
+        return (c.ratio if joint == c.joint else 1.0) * smooth_sign(code, gamma, speed)
     other = c.motor if joint == c.joint else c.joint
     return c.ratio * (model.ddq[other] if p.stem == "iam" else model.dq[other])
 

@@ -255,8 +255,10 @@ def _many(program: Assignments, name: str) -> list[str]:
     for text, argument in _arguments(program):
         if argument is program.parameters:
             lines += _unpacked(program, argument, names, lambda k, text=text: f"{text}[{k}]")
-    for text, argument in signals:
-        lines.append(f"    double {text}_tile[{len(argument)}][TILE] = {{{{0.0}}}};")
+    lines += [
+        f"    double {text}_tile[{len(argument)}][TILE] = {{{{0.0}}}};"
+        for text, argument in signals
+    ]
     for text, output in _results(program):
         lines += _result_tile(text, output)
     lines += [
@@ -266,8 +268,10 @@ def _many(program: Assignments, name: str) -> list[str]:
     ]
     for text, argument in signals:
         n = len(argument)
-        lines.append(f"            for (size_t k = 0; k < {n}; ++k)")
-        lines.append(f"                {text}_tile[k][s] = {text}[(start + s) * {n} + k];")
+        lines += [
+            f"            for (size_t k = 0; k < {n}; ++k)",
+            f"                {text}_tile[k][s] = {text}[(start + s) * {n} + k];",
+        ]
     lines += ["        }", "        for (size_t s = 0; s < TILE; ++s) {"]
     for text, argument in signals:
         unpacked = _unpacked(program, argument, names, lambda k, text=text: f"{text}_tile[{k}][s]")
@@ -275,8 +279,10 @@ def _many(program: Assignments, name: str) -> list[str]:
     lines += [f"            {line}" for line in _assignments(program, names)]
     for text, output in _results(program):
         values = _element_texts(output, names)
-        for row, k in enumerate(_filled(output)):
-            lines.append(f"            {text}_tile[{row}][s] = {values[k]};")
+        lines += [
+            f"            {text}_tile[{row}][s] = {values[k]};"
+            for row, k in enumerate(_filled(output))
+        ]
     lines += ["        }", "        for (size_t s = 0; s < count; ++s) {"]
     for text, output in _results(program):
         lines += _result_rows(text, output)
@@ -303,9 +309,11 @@ def _result_tile(text: str, output: Output) -> list[str]:
     lines = [f"    double {text}_tile[{len(filled)}][TILE];"]
     if len(filled) < n:
         numbers = ", ".join(map(str, filled))
-        lines.append(f"    static const unsigned short {text}_place[{len(filled)}] = {{")
-        lines += [f"        {line}" for line in textwrap.wrap(numbers, 88)]
-        lines.append("    };")
+        lines += [
+            f"    static const unsigned short {text}_place[{len(filled)}] = {{",
+            *(f"        {line}" for line in textwrap.wrap(numbers, 88)),
+            "    };",
+        ]
     return lines
 
 
@@ -320,8 +328,10 @@ def _result_rows(text: str, output: Output) -> list[str]:
         ]
     lines = [f"            for (size_t k = 0; k < {n}; ++k)", f"                {row}k] = 0.0;"]
     if filled:
-        lines.append(f"            for (size_t k = 0; k < {len(filled)}; ++k)")
-        lines.append(f"                {row}{text}_place[k]] = {text}_tile[k][s];")
+        lines += [
+            f"            for (size_t k = 0; k < {len(filled)}; ++k)",
+            f"                {row}{text}_place[k]] = {text}_tile[k][s];",
+        ]
     return lines
 
 
@@ -361,8 +371,10 @@ def _assignments(program: Assignments, names: Mapping[Expression, str]) -> list[
         places = [names[v] if v is not None else f"{names[variable]}_other" for v in both]
         argument = expression_texts([angle], _C, names)[0] if angle.operands else names[angle]
         argument = names.get(angle, argument)
-        lines.append(f"double {places[0]}, {places[1]};")
-        lines.append(f"sine_and_cosine({argument}, &{places[0]}, &{places[1]});")
+        lines += [
+            f"double {places[0]}, {places[1]};",
+            f"sine_and_cosine({argument}, &{places[0]}, &{places[1]});",
+        ]
     return lines
 
 

@@ -234,8 +234,7 @@ class Tensor(NamedTuple):
 def tensor_about_z(turn: Turn, a: Tensor) -> Tensor:
     """Rz(θ) A Rz(θ)ᵀ in 9 products: t = s (xx - yy) + 2 c xy turns the upper block."""
     c, s = turn
-    twice = a.xy + a.xy
-    t = s * (a.xx - a.yy) + c * twice
+    t = s * (a.xx - a.yy) + c * (a.xy + a.xy)
     return Tensor(
         a.xx - s * t,
         c * t - a.xy,
@@ -275,11 +274,7 @@ class JointFrame:
 
     def back(self, a: Vector) -> Vector:
         """A vector in the link's frame, seen from the parent's."""
-        return self.unstaged(about_z(self.last, a))
-
-    def unstaged(self, a: Vector) -> Vector:
-        """A vector in the link's frame before its last rotation, seen from the parent's."""
-        return about_z(self.first, about_x(self.tilt, a))
+        return about_z(self.first, about_x(self.tilt, about_z(self.last, a)))
 
     def tensor_back(self, a: Tensor) -> Tensor:
         """A tensor in the link's frame, seen from the parent's."""

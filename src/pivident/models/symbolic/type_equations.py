@@ -208,8 +208,7 @@ def _slides(start: Sides, slopes: Sequence[Sides]) -> list[tuple[Expression, ...
     (a_0, r_0), (a_c, r_c) = start, *slopes
     square = _dot(r_c, r_c) - _dot(a_c, a_c)
     half = divide(_dot(r_0, r_c) - _dot(a_0, a_c), square)
-    rest = divide(_dot(r_0, r_0) - _dot(a_0, a_0), square)
-    root = call("sqrt", half * half - rest)
+    root = call("sqrt", half * half - divide(_dot(r_0, r_0) - _dot(a_0, a_0), square))
     return [(root - half,), (-half - root,)]
 
 

@@ -50,8 +50,7 @@ def stribeck(
     Returns:
         One term with the parameter fs [N m or N].
     """
-    shapes = (SPEED.at(speed), EXPONENT.at(exponent))
-    return FrictionTerm("fs", STRIBECK, smoothing, gamma, shapes)
+    return FrictionTerm("fs", STRIBECK, smoothing, gamma, (SPEED.at(speed), EXPONENT.at(exponent)))
 
 
 def weakening(excess: float, speed: float, exponent: float) -> tuple[Shape, Shape, Shape]:

@@ -21,9 +21,15 @@ from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.display import Displayed
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops
-from pivident.studies.collision.bodies import Body, LinkPoses
+from pivident.studies.collision.bodies import (
+    Body,
+    LinkPoses,
+    Obstacle,
+    ToolBox,
+    floor_plate,
+    upward,
+)
 from pivident.studies.collision.distances import SEGMENT, axis_distances, gradient_by_joints
-from pivident.studies.collision.obstacles import Obstacle, ToolBox, floor_plate, upward
 from pivident.studies.collision.outlines import reach
 from pivident.studies.collision.pairs import (
     Pair,
@@ -132,10 +138,9 @@ class Clearances(Displayed):
             or pair.body is None
             or frozenset((pair.body.name, pair.other.name)) not in apart
         ]
-        made = cls(
+        return cls(
             robot, tuple(pairs), floor, tool_box, bodies=tuple(bodies), obstacles=tuple(obstacles)
-        )
-        return made._without_constant_pairs()
+        )._without_constant_pairs()
 
     @property
     def names(self) -> tuple[str, ...]:

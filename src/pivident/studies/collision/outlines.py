@@ -69,17 +69,15 @@ def outline_of(robot: Robot, given: Iterable[Body] = ()) -> Outline:
                 advice=f"the links of {robot.name!r} count from -1 (base) to {robot.size - 1}",
             )
     known = {body.link for body in given}
-    if known >= set(range(robot.size)):
-        found = Outline((), "given")
-    else:
-        found = (
-            urdf_outline(robot, known) or gallery_outline(robot, known) or skeleton(robot, known)
-        )
+    found = (
+        Outline((), "given")
+        if known >= set(range(robot.size))
+        else urdf_outline(robot, known) or gallery_outline(robot, known) or skeleton(robot, known)
+    )
     kept = [body for body in found.bodies if body.link not in known]
     remarks = found.remarks
     if found.source == "urdf":
-        covered = known | {body.link for body in kept}
-        more, words = _without_shapes(robot, covered, found.missing)
+        more, words = _without_shapes(robot, known | {body.link for body in kept}, found.missing)
         kept, remarks = [*kept, *more], (*remarks, *words)
     bodies = tuple(sorted([*given, *kept], key=lambda body: body.link))
     twice = repeated([body.name for body in bodies])
@@ -188,16 +186,16 @@ def _without_shapes(
     taken = {body.link for body in bodies}
     words = []
     first = next(iter(missing.values()), "")
-    for without, lack, step in (
-        (taken - {*missing}, "The URDF has no <collision> element of", ""),
-        (taken & {*missing}, f"Meshes are missing ({first}) of", ", or put the meshes there"),
-    ):
-        if without:
-            words.append(
-                f"{lack} {listed([names[link] for link in sorted(without)])}: capsules from joint "
-                f"to joint of radius {bodies[0].radius:.3f} m stand for them, an assumption. Give "
-                f"bodies by hand{step}."
-            )
+    words += [
+        f"{lack} {listed([names[link] for link in sorted(without)])}: capsules from joint "
+        f"to joint of radius {bodies[0].radius:.3f} m stand for them, an assumption. Give "
+        f"bodies by hand{step}."
+        for without, lack, step in (
+            (taken - {*missing}, "The URDF has no <collision> element of", ""),
+            (taken & {*missing}, f"Meshes are missing ({first}) of", ", or put the meshes there"),
+        )
+        if without
+    ]
     if left := [names[link] for link in bare if link not in taken]:
         words.append(
             f"Not checked: {listed(left)}, of which the URDF gives neither shape nor mass."

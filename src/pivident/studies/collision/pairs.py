@@ -11,8 +11,7 @@ import numpy as np
 from pivident.foundation.errors import ExperimentError
 from pivident.robot.description import Joint, Robot
 from pivident.robot.naming import repeated
-from pivident.studies.collision.bodies import Body
-from pivident.studies.collision.obstacles import Obstacle
+from pivident.studies.collision.bodies import Body, Obstacle
 
 #: Postures that show which bodies touch all the time, and their seed.
 POSTURES, SEED = 400, 1
@@ -166,8 +165,7 @@ def swept_ball(robot: Robot, body: Body) -> tuple[np.ndarray, float]:
         limits.
     """
     *later, first = robot.ancestors(body.link)
-    ends = (np.linalg.norm(body.start), np.linalg.norm(body.end))
-    radius = body.radius + float(max(ends))
+    radius = body.radius + float(max((np.linalg.norm(body.start), np.linalg.norm(body.end))))
     radius += sum(float(np.linalg.norm(robot.joints[i].translation)) for i in later)
     radius += sum(_travel(robot.joints[i]) for i in (*later, first))
     return robot.joints[first].translation, radius

@@ -18,10 +18,11 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from pivident.experiment.excite_keys import BodyEntry, ObstacleEntry, RoomEntry
 from pivident.foundation.errors import ExperimentError, RobotDescriptionError, concerning
 from pivident.foundation.extras import is_installed, require
 from pivident.foundation.text.sentences import listed
@@ -29,16 +30,20 @@ from pivident.robot.description import Robot
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.naming import nearest
 from pivident.robot.refusals import without_loops
-from pivident.studies.collision.bodies import BASE, BY_HAND, Body, LinkPoses, Outline
+from pivident.studies.collision.bodies import (
+    BASE,
+    BY_HAND,
+    Body,
+    LinkPoses,
+    Obstacle,
+    Outline,
+    ToolBox,
+)
 from pivident.studies.collision.clearances import Clearances
 from pivident.studies.collision.meshes import load_mesh
-from pivident.studies.collision.obstacles import Obstacle, ToolBox
 from pivident.studies.collision.outlines import outline_of
 from pivident.studies.collision.pairs import candidate_pairs, position_ranges
 from pivident.studies.collision.urdf import LinkShape, link_shapes
-
-if TYPE_CHECKING:
-    from pivident.experiment.excite_keys import BodyEntry, ObstacleEntry, RoomEntry
 
 
 def clearances_of_room(robot: Robot, room: RoomEntry) -> Clearances:

@@ -13,8 +13,15 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pivident.foundation.document.figure import Figure, colour, empty_plot
-from pivident.foundation.document.plot import LEGEND, Trace, band, packed
+from pivident.foundation.document.plot import (
+    LEGEND,
+    Figure,
+    Trace,
+    band,
+    colour,
+    empty_plot,
+    packed,
+)
 from pivident.foundation.document.table import Table
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.text.identifiers import latex_name, latex_text, one_line
@@ -96,8 +103,7 @@ def render_page(comparison: ComparedResults) -> str:
             body = environment.get_template(f"compare_{key}.html").render(content)
             sections.append((key, heading, Markup(body)))
     robots = ", ".join(dict.fromkeys(e.robot.name for e in comparison.entries))
-    title = f"{robots}: {len(comparison.entries)} results compared"
-    return page_of(environment, title, sections)
+    return page_of(environment, f"{robots}: {len(comparison.entries)} results compared", sections)
 
 
 def friction_figure(comparison: ComparedResults, joint: JointFriction) -> Figure:

@@ -37,6 +37,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.estimation.identification import torque_sums
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.sentences import plural
 from pivident.studies.comparison.entry import Entry
@@ -181,8 +182,6 @@ def cross_torques(entries: Sequence[Entry]) -> tuple[CrossTorque, ...]:
             continue
         sums = identification.torque_sums
         if sums is None and identification.recordings:
-            from pivident.estimation.identification import torque_sums
-
             sums = torque_sums(identification)
         if sums is None or sums.square <= 0.0 or sums.moment.size != len(entry.groups.names):
             continue

@@ -18,6 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.estimation.methods import METHODS
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.stored_identification import json_of_file, load_identification
 from pivident.foundation.errors import IdentificationFileError, PividentError
@@ -202,7 +203,6 @@ def _files(path: Path) -> list[Path]:
         return [path]
     if (path / RESULT).is_file():
         return [path / RESULT]
-    from pivident.estimation.methods import METHODS
 
     refinement = {name: k for k, name in enumerate(METHODS)}
     found = sorted(

@@ -66,9 +66,11 @@ def groups_of(base: BaseParameters) -> Groups:
     rows = []
     for k, head in enumerate(base.kept):
         row = {keys[head]: 1.0}
-        for i, coefficient in zip(base.dropped, base.regrouping[k], strict=True):
-            if coefficient != 0.0:
-                row[keys[i]] = float(coefficient)
+        row |= {
+            keys[i]: float(coefficient)
+            for i, coefficient in zip(base.dropped, base.regrouping[k], strict=True)
+            if coefficient != 0.0
+        }
         rows.append(row)
     return Groups(
         base.names,

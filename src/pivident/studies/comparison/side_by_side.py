@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from textwrap import fill
-from typing import TYPE_CHECKING
 
-from pivident.foundation.text.numbers import format_significant, with_spread
-from pivident.foundation.text.plain_table import GAP, column, lines_of
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
+from pivident.foundation.text.numbers import GAP, column, format_significant, lines_of, with_spread
 from pivident.studies.comparison.compared_results import (
     ComparedParameter,
     ComparedResults,
     Difference,
     Estimate,
 )
+from pivident.studies.comparison.entry import Entry
 from pivident.studies.comparison.remarks import MAX_PERCENT, findings, level_sentence, share_text
-
-if TYPE_CHECKING:
-    from pivident.studies.comparison.entry import Entry
 
 #: Width where there is no terminal.
 WIDTH = 80
@@ -137,11 +133,6 @@ def condition_text(entry: Entry) -> str:
     return format_significant(entry.condition)
 
 
-def ending_text(entry: Entry) -> str:
-    """Whether the iteration converged, in a word."""
-    return {None: "–", True: "yes", False: "NO"}[entry.converged]
-
-
 def record_text(entry: Entry) -> str:
     """The record by the hashes of its files."""
     return " ".join(digest[:HASH] for digest in entry.inputs.values()) or "not known"
@@ -157,7 +148,7 @@ def _fit_columns(comparison: ComparedResults) -> list[Column]:
         ("torque error", ">", [share_text(e.relative_error) for e in entries]),
         ("condition", ">", [condition_text(e) for e in entries]),
         ("rows", ">", rows),
-        ("converged", ">", [ending_text(e) for e in entries]),
+        ("converged", ">", [{None: "–", True: "yes", False: "NO"}[e.converged] for e in entries]),
     ]
 
 

@@ -7,9 +7,14 @@ from textwrap import wrap
 
 import numpy as np
 
-from pivident.foundation.text.numbers import format_exact, format_significant, percent, with_spread
-from pivident.foundation.text.plain_table import plain_table
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
+from pivident.foundation.text.numbers import (
+    format_exact,
+    format_significant,
+    percent,
+    plain_table,
+    with_spread,
+)
 from pivident.foundation.text.sentences import listed
 from pivident.studies.excitation.design import ClearanceUse, Design, LimitUse, PredictedError
 from pivident.studies.excitation.limits import ASSUMED, DESCRIPTION, FILE, PLANNED_SHARE, ROOM

@@ -70,8 +70,7 @@ class TorqueModel:
         phi = self._matrix(motion)
         torque = phi @ self.values
         margin, spread = self._margin(phi)
-        sign = np.where(torque < 0.0, -1.0, 1.0)
-        weights = sign[:, :, None] * self.values
+        weights = np.where(torque < 0.0, -1.0, 1.0)[:, :, None] * self.values
         if spread is not None:
             # d(2 √(φ P φᵀ)) = 2 φ P dφᵀ / √(φ P φᵀ)
             weights = weights + MARGIN**2 * spread / np.maximum(margin, 1e-12)[:, :, None]
@@ -83,16 +82,14 @@ class TorqueModel:
         return RegressorDerivatives.of(self.regressor)
 
     def _matrix(self, motion: Samples) -> np.ndarray:
-        inner = self.regressor.levels(motion[1].T)
-        return self.regressor.matrix(*motion, inner=inner)
+        return self.regressor.matrix(*motion, inner=self.regressor.levels(motion[1].T))
 
     def _margin(self, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         """2 √(φ P φᵀ) of each row, and P φᵀ."""
         if self.covariance is None:
             return np.zeros(phi.shape[:2]), None
         spread = phi @ self.covariance
-        variance = np.einsum("tjp,tjp->tj", spread, phi)
-        return MARGIN * np.sqrt(np.maximum(variance, 0.0)), spread
+        return MARGIN * np.sqrt(np.maximum(np.einsum("tjp,tjp->tj", spread, phi), 0.0)), spread
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +122,7 @@ class Constraints:
         clearances: Clearances | None,
     ) -> Constraints:
         """Constraints of a family on samples at a rate [Hz]."""
-        samples = int(np.ceil(family.duration * rate)) + 1
-        t = np.linspace(0.0, family.duration, samples)
+        t = np.linspace(0.0, family.duration, int(np.ceil(family.duration * rate)) + 1)
         limited = np.isfinite(limits.torque).any() or np.isfinite(limits.rms_torque).any()
         used = torques if limited else ()
         return cls(family, rate, limits, used, clearances, family.functions(t))
@@ -196,8 +192,7 @@ class Constraints:
                 continue
             shifted = moved[quantity] - (limits.middle if quantity == 0 else 0.0)
             ratio = shifted / scale
-            both = np.concatenate([ratio, -ratio])
-            largest, weights = smooth_maximum(both)
+            largest, weights = smooth_maximum(np.concatenate([ratio, -ratio]))
             net = (weights[: len(ratio)] - weights[len(ratio) :]) / scale
             gradient = np.zeros((joints, self.family.size, joints))
             by_coefficient = self.functions[quantity].T @ net
@@ -242,8 +237,7 @@ class Constraints:
         distances, slopes = self.clearances.with_gradients(q)
         ratios, weights = smooth_maximum(self._clearance_ratio(distances).T)
         net = -weights.T[:, :, None] * slopes / CLEARANCE_SCALE
-        gradients = np.einsum("tk,ctj->ckj", self.functions[0], net, optimize=True)
-        return ratios, gradients
+        return ratios, np.einsum("tk,ctj->ckj", self.functions[0], net, optimize=True)
 
 
 def smooth_maximum(ratios: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

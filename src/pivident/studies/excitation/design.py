@@ -18,8 +18,7 @@ from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import Known, Limits, Name, Null, Sized, csv_table
 from pivident.robot.description import Joint
 from pivident.robot.robot_values import StoredRobot
-from pivident.studies.collision.bodies import Body
-from pivident.studies.collision.obstacles import Obstacle
+from pivident.studies.collision.bodies import Body, Obstacle
 from pivident.studies.excitation.motions import RISE_SHARE, StoredMotion
 
 #: A number that is infinite where a file says null.

@@ -6,15 +6,19 @@ import html
 
 import numpy as np
 
-from pivident.foundation.document.figure import (
+from pivident.foundation.document.plot import (
     ERROR,
+    LEGEND,
     MEASURED,
     METHOD_COLOURS,
     Figure,
+    Plot,
+    band,
     colour,
     empty_plot,
+    kept_samples,
+    packed,
 )
-from pivident.foundation.document.plot import LEGEND, Plot, band, kept_samples, packed
 from pivident.foundation.text.numbers import format_significant, percent
 from pivident.judgement.validation.parameter_correlation import ParameterCorrelation
 from pivident.studies.excitation.design import PAGE_RATE, Design
@@ -68,8 +72,7 @@ def motion_figure(design: Design, joint: int) -> Figure:
             name=f"{symbol} [{unit}]",
             line={"color": colour(joint), "width": 1.4},
         )
-    titles = [f"{symbol} [{unit}]" for _, symbol, unit, _, _ in rows]
-    plot.stack(titles, automargin=True)
+    plot.stack([f"{symbol} [{unit}]" for _, symbol, unit, _, _ in rows], automargin=True)
     used = []
     for k, (quantity, *_) in enumerate(rows, start=1):
         _limit_lines(plot, design, own.name, quantity, k)

@@ -298,8 +298,7 @@ def _correlation(information: np.ndarray) -> np.ndarray:
 def _notes(task: DesignTask) -> list[str]:
     """Assumptions and what was not checked."""
     notes = [*task.known.notes, *task.question.notes]
-    assumed = task.limits.source.get("acceleration", ())
-    if "assumed" in assumed:
+    if "assumed" in task.limits.source.get("acceleration", ()):
         notes.append(
             f"No largest accelerations are known: a joint is taken to reach its largest speed in "
             f"{RISE:g} s. Give those of your controller: acceleration = 15 (rad/s² or m/s²) in the "

@@ -92,9 +92,8 @@ class DesignTask:
 
     def objective(self, constraints: Constraints) -> Objective:
         """The criterion of motions under constraints."""
-        samples = constraints.functions.shape[1]
         family = constraints.family
-        rate = (samples - 1) / family.duration
+        rate = (constraints.functions.shape[1] - 1) / family.duration
         bare = not self.criterion.weighted
         return Objective(
             self.criterion, self.information(rate, family.rounds, bare=bare), constraints
@@ -262,7 +261,6 @@ def _never_identified(task: DesignTask) -> list[str]:
         task.information(1.0).earlier,
         task.question,
     )
-    errors = standard_errors(white.of(states))
-    never = np.flatnonzero(np.isinf(errors))
+    never = np.flatnonzero(np.isinf(standard_errors(white.of(states))))
     asked = np.intersect1d(never, task.question.asked)
     return [task.question.names[k] for k in (asked if asked.size else never)]

@@ -18,7 +18,7 @@ from pivident.judgement.report.downloads import Download
 from pivident.judgement.report.motion import RATE, motion_values
 from pivident.judgement.report.sections.parameters import correlation_figure
 from pivident.judgement.validation.parameter_correlation import STRONG_CORRELATION
-from pivident.studies.collision.obstacles import Obstacle
+from pivident.studies.collision.bodies import Obstacle
 from pivident.studies.excitation.account import (
     BINDING,
     NO_LIMIT,

@@ -18,6 +18,7 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.solved_equations import EquationNoise
 from pivident.loop.motion.motion import SpeedLimits
+from pivident.signals.prefilter import Prefilter
 from pivident.studies.excitation.questions import Question
 
 #: Position, speed and acceleration, each (samples, joints).
@@ -59,8 +60,7 @@ class Information:
             motion: q, dq, ddq, each (samples, joints).
         """
         q, dq, ddq = (np.ascontiguousarray(x.T) for x in motion)
-        inner = self.regressor.levels(dq)
-        packed = self.regressor.packed(q, dq, ddq, inner=inner)
+        packed = self.regressor.packed(q, dq, ddq, inner=self.regressor.levels(dq))
         used = self.used(dq)
         size = len(self.regressor.parameters)
         by_joint, rows = [], []
@@ -106,8 +106,7 @@ class Information:
         if prefilter.begins_anew and len(prefilter.fir) == 1:
             return rows * (counts / np.sqrt(prefilter.variance))
         samples = rows.shape[1]
-        frequency = np.fft.rfftfreq(samples, 1.0 / self.rate)
-        response = prefilter.response(frequency, self.noise.rate)
+        response = prefilter.response(np.fft.rfftfreq(samples, 1.0 / self.rate), self.noise.rate)
         if adjoint:
             response = response.conj()
         # at the Nyquist frequency a real signal has a real spectrum
@@ -123,7 +122,5 @@ def assumed_noise(deviation: np.ndarray, rate: float) -> EquationNoise:
         deviation: standard deviation of a row, shape (joints,) [N m or N].
         rate: independent rows per second [Hz].
     """
-    from pivident.signals.prefilter import Prefilter
-
     filters = tuple(Prefilter(variance=float(d) ** 2) for d in deviation)
     return EquationNoise(rate, np.zeros(len(filters)), filters)

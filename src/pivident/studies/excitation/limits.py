@@ -164,15 +164,15 @@ def wider_than_described(robot: Robot, limits: JointLimits) -> list[str]:
                 f"{limits.low[j]:g} to {limits.high[j]:g} {joint.position_unit} against "
                 f"{own[0]:g} to {own[1]:g}."
             )
-        for words, used, known, unit in (
-            ("speed", limits.speed[j], joint.rated_speed, f"{joint.position_unit}/s"),
-            ("torque", limits.torque[j], joint.torque_limit, joint.torque_unit),
-        ):
-            if known is not None and np.isfinite(used) and used > known:
-                notes.append(
-                    f"The limit of the {words} of {joint.name} is higher than that of the "
-                    f"description: {used:g} against {known:g} {unit}."
-                )
+        notes += [
+            f"The limit of the {words} of {joint.name} is higher than that of the "
+            f"description: {used:g} against {known:g} {unit}."
+            for words, used, known, unit in (
+                ("speed", limits.speed[j], joint.rated_speed, f"{joint.position_unit}/s"),
+                ("torque", limits.torque[j], joint.torque_limit, joint.torque_unit),
+            )
+            if known is not None and np.isfinite(used) and used > known
+        ]
     return notes
 
 

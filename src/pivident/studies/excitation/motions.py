@@ -221,8 +221,7 @@ def _fourier(t: np.ndarray, duration: float, harmonics: int) -> np.ndarray:
         np.hstack([-cosine * omega**2, -sine * omega**2]),
     ]
     ends = [np.concatenate([0.0 * omega, -1.0 / omega])]
-    ends += [np.concatenate([1.0 + 0.0 * omega, 0.0 * omega])]
-    ends += [np.concatenate([0.0 * omega, omega])]
+    ends += [np.concatenate([1.0 + 0.0 * omega, 0.0 * omega]), np.concatenate([0.0 * omega, omega])]
     quintic = _quintic(t / duration, duration)
     # over whole periods the ends have the same value, speed and acceleration
     series = np.stack([w - quintic[:, i] @ np.array(ends) for i, w in enumerate(waves)])

@@ -103,8 +103,7 @@ def robot_question(
         asked: indices of those that count; None: all.
     """
     chosen = np.arange(len(base)) if asked is None else asked
-    units = tuple(p.unit for p in base.parameters)
-    return Question(base.names, units, values, chosen)
+    return Question(base.names, tuple(p.unit for p in base.parameters), values, chosen)
 
 
 def load_question(base: BaseParameters, values: np.ndarray, load: np.ndarray) -> Question:

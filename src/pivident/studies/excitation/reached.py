@@ -24,9 +24,9 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.estimation.identification import Identification
 from pivident.foundation.document.document import Accounted, Document, Part
 from pivident.foundation.document.table import Column, Table
+from pivident.foundation.text.identifiers import escaped
 from pivident.foundation.text.numbers import format_significant
 from pivident.foundation.text.plain_values import plain
-from pivident.foundation.text.printable import escaped
 from pivident.foundation.text.sentences import listed
 from pivident.studies.excitation.design import Design
 from pivident.studies.excitation.design_file import load_design
@@ -174,8 +174,7 @@ def reached_errors(
     found = []
     for file in dict.fromkeys(f for f in files if f is not None):
         own = [r for f, r in zip(files, recordings, strict=True) if f == file]
-        others = len(recordings) - len(own)
-        found.append(_of_design(load_design(file), file, own, others, result))
+        found.append(_of_design(load_design(file), file, own, len(recordings) - len(own), result))
     return tuple(found)
 
 

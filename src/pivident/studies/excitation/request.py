@@ -130,8 +130,7 @@ def chosen_parameters(base: BaseParameters, names: Sequence[str]) -> np.ndarray 
 
 def _unknown(base: BaseParameters, name: str) -> ExperimentError:
     """Why a name is none of a base parameter."""
-    own = {p.name.lower(): i for i, p in enumerate(base.standard)}
-    index = own.get(name.lower())
+    index = {p.name.lower(): i for i, p in enumerate(base.standard)}.get(name.lower())
     if index is None:
         return ExperimentError(
             f"the robot has no parameter {name!r}", advice=nearest(name, base.names)

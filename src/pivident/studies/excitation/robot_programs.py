@@ -168,8 +168,7 @@ def si_units(design: Design) -> str:
     Args:
         design: the design.
     """
-    kinds = {joint.position_unit: None for joint in design.robot.joints}
-    return " and ".join(kinds)
+    return " and ".join({joint.position_unit: None for joint in design.robot.joints})
 
 
 def quoted(name: str) -> str:
@@ -264,8 +263,7 @@ def ur_script(design: Design, pace: float = 1.0) -> str:
         )
         settings = f"0, 0, {1.0 / UR_RATE / pace:g}, {UR_LOOKAHEAD:g}, {UR_GAIN}"
         q, _, _ = motion.sampled(UR_RATE)
-        body += [f"servoj({_list(row, 6)}, {settings})" for row in q]
-        body.append("stopj(2.0)")
+        body += [*(f"servoj({_list(row, 6)}, {settings})" for row in q), "stopj(2.0)"]
     name = _file(PROGRAM, pace)
     lines = [f"def {name}():", *(f"  # {line}" for line in comments)]
     return "\n".join([*lines, *(f"  {line}" for line in body), "end", ""])
@@ -274,9 +272,11 @@ def ur_script(design: Design, pace: float = 1.0) -> str:
 def krl(design: Design) -> str:
     """The postures as KUKA KRL; the controller plans each move at its share of the rated speed."""
     lines = [f"DEF {PROGRAM} ( )"]
-    lines += [f"; - {line}" for line in heading(design, "KUKA KRL", "deg")]
-    lines += [f"; - {line}" for line in typed_warning("A1 to A6 of the KUKA")]
-    lines.append("; - Durations are not those of the design either.")
+    lines += [
+        *(f"; - {line}" for line in heading(design, "KUKA KRL", "deg")),
+        *(f"; - {line}" for line in typed_warning("A1 to A6 of the KUKA")),
+        "; - Durations are not those of the design either.",
+    ]
     known = np.isfinite(design.robot.rated_speeds).all()
     lines.append(
         "; - VEL_PTP is a share of the rated speeds of the description; compare them with yours."
@@ -295,10 +295,12 @@ def krl(design: Design) -> str:
 def rapid(design: Design) -> str:
     """The postures as ABB RAPID, each move in the time of the design."""
     lines = [f"MODULE {PROGRAM}"]
-    lines += [f"  ! {line}" for line in heading(design, "ABB RAPID", "deg")]
-    lines += [f"  ! {line}" for line in typed_warning("rax_1 to rax_6 of the ABB")]
-    lines.append("  ! Declare the tool that is mounted in place of tool0.")
-    lines.append(f"  PROC run_{PROGRAM}()")
+    lines += [
+        *(f"  ! {line}" for line in heading(design, "ABB RAPID", "deg")),
+        *(f"  ! {line}" for line in typed_warning("rax_1 to rax_6 of the ABB")),
+        "  ! Declare the tool that is mounted in place of tool0.",
+        f"  PROC run_{PROGRAM}()",
+    ]
     for move in posture_moves(design):
         axes = pendant_positions(design, move.q)
         aim = f"[[{','.join(f'{x:.4f}' for x in axes)}],[9E9,9E9,9E9,9E9,9E9,9E9]]"

@@ -18,6 +18,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.optimize import minimize
 
 from pivident.foundation.text.numbers import percent
 from pivident.foundation.threads import linear_algebra_in_one_thread, thread_count
@@ -133,8 +134,7 @@ def _free_posture(constraints: Constraints, rng: np.random.Generator) -> np.ndar
 
     def is_free(postures: np.ndarray) -> np.ndarray:
         assert clearances is not None
-        near = clearances.distances(postures) < clearances.needed[:, None]
-        return ~np.any(near, axis=0)
+        return ~np.any(clearances.distances(postures) < clearances.needed[:, None], axis=0)
 
     (first,) = drawn(1, INNER_RANGE)
     if clearances is None or is_free(first[None])[0]:
@@ -206,8 +206,6 @@ class Descent:
 
     def _program(self, box: float) -> None:
         """SLSQP from the best candidate, in a box around it."""
-        from scipy.optimize import minimize
-
         low = np.maximum(self.z - box, -FARTHEST)
         high = np.minimum(self.z + box, FARTHEST)
         minimize(
@@ -278,16 +276,17 @@ class Search:
 
         ``first``: coefficients of a motion to begin with, shape (size, joints).
         """
-        deadline = time.perf_counter() + self.seconds
-        best, workers = Best(deadline), thread_count()
+        best, workers = Best(time.perf_counter() + self.seconds), thread_count()
         # threads of this name do not share their work with others: each has a start of its own
         threads = ThreadPoolExecutor(workers + 1, thread_name_prefix="pivident-search")
         with linear_algebra_in_one_thread(), threads as pool:
             jobs: list[Future[None]] = []
             try:
                 pool.submit(self._report, best)
-                for worker in range(workers):
-                    jobs.append(pool.submit(self._starts, worker, workers, first, best))
+                jobs += [
+                    pool.submit(self._starts, worker, workers, first, best)
+                    for worker in range(workers)
+                ]
                 for job in jobs:
                     job.result()
             except KeyboardInterrupt:

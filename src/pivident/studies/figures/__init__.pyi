@@ -1,9 +1,9 @@
 from .estimates import figure_of_convergence as figure_of_convergence
 from .estimates import figure_of_correlations as figure_of_correlations
+from .estimates import figure_of_friction as figure_of_friction
 from .estimates import figure_of_intervals as figure_of_intervals
 from .filters import figure_of_bandpass as figure_of_bandpass
 from .filters import figure_of_prefilters as figure_of_prefilters
-from .friction import figure_of_friction as figure_of_friction
 from .paper_style import FigureError as FigureError
 from .paper_style import save_figure as save_figure
 from .residuals import figure_of_autocorrelations as figure_of_autocorrelations

@@ -104,8 +104,7 @@ def figure_of_prefilters(
     with paper_style(ax):
         figure, (panel,) = new_figure(1, columns=columns, ax=ax, row_height=2.1)
         for k, j in enumerate(chosen):
-            own = equations.filters[j]
-            gain = np.abs(own.response(frequency, rate))
+            gain = np.abs(equations.filters[j].response(frequency, rate))
             decibel = 20.0 * np.log10(np.maximum(gain / max(gain[0], 1e-300), 1e-300))
             name = plain(result.robot.joint_names[j])
             panel.semilogx(frequency, decibel, label=name, **line_style(k))

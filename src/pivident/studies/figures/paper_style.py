@@ -18,6 +18,8 @@ from pivident.foundation.document.curves import Curves
 from pivident.foundation.document.plot import kept_samples
 from pivident.foundation.errors import PividentError
 from pivident.foundation.extras import require
+from pivident.foundation.files import atomic_folder
+from pivident.foundation.text.identifiers import escaped
 from pivident.robot.naming import nearest
 
 if TYPE_CHECKING:
@@ -111,8 +113,7 @@ def new_figure(
     size = (WIDTHS[columns], min(rows * row_height + 0.35, MAX_HEIGHT))
     drawing = require("matplotlib.figure", extra="figures", purpose="a figure for papers")
     figure = drawing.Figure(figsize=size, layout="constrained")
-    axes = figure.subplots(rows, across, squeeze=False, sharex=share_x)
-    return figure, list(axes.ravel())
+    return figure, list(figure.subplots(rows, across, squeeze=False, sharex=share_x).ravel())
 
 
 def _figure_of(ax: Panels, count: int) -> tuple[Figure, list[Axes]]:
@@ -138,8 +139,6 @@ def line_style(k: int, marker: bool = False) -> dict[str, Any]:
 
 def plain(text: str) -> str:
     """A name as text: matplotlib would set what stands between dollars as mathematics."""
-    from pivident.foundation.text.printable import escaped
-
     return escaped(text).replace("$", r"\$")
 
 
@@ -157,8 +156,6 @@ def save_figure(figure: Figure, *paths: str | PathLike[str]) -> tuple[Path, ...]
         FigureError: a kind of file that figures are not saved as.
         PividentError: a file cannot be written.
     """
-    from pivident.foundation.files import atomic_folder
-
     targets = tuple(Path(path) for path in paths)
     for target in targets:
         if target.suffix.lower() not in KINDS:

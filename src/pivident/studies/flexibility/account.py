@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from pivident.foundation.document.figure import MEASURED, METHOD_COLOURS, Figure
-from pivident.foundation.document.plot import trace
+from pivident.foundation.document.plot import MEASURED, METHOD_COLOURS, Figure, trace
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.text.plain_values import plain
 from pivident.judgement.report.audit_account import audit_plot
@@ -206,9 +205,11 @@ def flexibility_lines(found: JointFlexibility) -> list[str]:
     """The results in lines of text."""
     lines = [f"{found.recording}, {found.joint}"]
     for part in parts_of(found):
-        lines.append(f"  {part.heading}")
-        lines += [f"    {name:<22} {value}" for name, value in part.rows]
-        lines += [f"    {sentence}" for sentence in part.sentences]
+        lines += [
+            f"  {part.heading}",
+            *(f"    {name:<22} {value}" for name, value in part.rows),
+            *(f"    {sentence}" for sentence in part.sentences),
+        ]
     return lines
 
 

@@ -239,8 +239,7 @@ def identify_compliances(
     found = [one(joint, None) for joint in range(recording.joints)]
     known = [c.encoder_lag for c in found if math.isfinite(c.stiffness.high)]
     if len(known) >= 2:
-        std = [(lag.high - lag.low) / (2 * STUDENT) for lag in known]
-        weights = 1 / np.square(std)
+        weights = 1 / np.square([(lag.high - lag.low) / (2 * STUDENT) for lag in known])
         mean = float(np.average([lag.value for lag in known], weights=weights))
         spread = float(np.std([lag.value for lag in known], ddof=1))
         common = (mean, math.hypot(spread, float(weights.sum() ** -0.5)))
@@ -263,8 +262,7 @@ def _orders(
 
 def _lag(fit: DeflectionFit, motion: DeflectionMotion) -> Measured:
     """Delay of the link encoder: the applied shift plus the remaining lag [s]."""
-    lag = motion.retimed + fit.value("speed")
-    return Measured.around(lag, fit.std("speed"), "s", STUDENT)
+    return Measured.around(motion.retimed + fit.value("speed"), fit.std("speed"), "s", STUDENT)
 
 
 def _torque_changes_sides(torque: np.ndarray) -> bool:

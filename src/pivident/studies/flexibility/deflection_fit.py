@@ -106,8 +106,7 @@ def deflection_motion(
     q, tau = recording.q[:, joint], recording.tau[:, joint]
     if recording.torque_timing == "held" and recording.control_rate <= 1.01 * rate:
         tau = 0.5 * (tau + np.concatenate([tau[:1], tau[:-1]]))
-    smooth = butterworth(q, rate, cutoff, 2)
-    speed = central_difference(smooth, rate)
+    speed = central_difference(butterworth(q, rate, cutoff, 2), rate)
     acceleration = central_difference(speed, rate)
     torque = butterworth(tau, rate, cutoff, 2) - motor_inertia * acceleration
     fastest = float(np.abs(speed).max())

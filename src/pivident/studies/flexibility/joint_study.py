@@ -26,6 +26,7 @@ from pivident.data.recording.recording import Recording
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.text.finding import Severity
 from pivident.robot.description import Robot
+from pivident.signals.bandpass import butterworth, central_difference
 from pivident.studies.flexibility.compliance import Compliance, identify_compliances
 from pivident.studies.flexibility.measured import Measured
 from pivident.studies.flexibility.resonance import Resonance, find_resonance
@@ -93,8 +94,6 @@ def rigid_validity(
     Raises:
         IdentificationError: a stiffness or inertia is not positive, or there is no such encoder.
     """
-    from pivident.signals.bandpass import butterworth, central_difference
-
     name = recording.joint_names[joint]
     for label, value in (("stiffness", stiffness), ("load inertia", load_inertia)):
         if not (np.isfinite(value) and value > 0):
@@ -357,8 +356,7 @@ def _stiffness_and_inertias(
     if two_mass is not None:
         joint = two_mass.joint
         if min(joint.stiffness, joint.motor_inertia, joint.load_inertia) > 0:
-            damping = max(joint.damping, 0.0)
-            return joint.stiffness, joint.motor_inertia, joint.load_inertia, damping
+            return joint.stiffness, joint.motor_inertia, joint.load_inertia, max(joint.damping, 0.0)
     if resonance is not None and resonance.seen:
         assert resonance.stiffness and resonance.motor_inertia and resonance.load_inertia
         assert resonance.damping

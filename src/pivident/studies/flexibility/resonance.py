@@ -15,6 +15,7 @@ import numpy as np
 
 from pivident.data.recording.recording import Recording
 from pivident.foundation.errors import IdentificationError
+from pivident.signals.bandpass import butterworth, central_difference
 from pivident.studies.flexibility.frequency_response import LocalSpectra, local_spectra
 from pivident.studies.flexibility.impedance_fit import (
     fit_flexible,
@@ -99,8 +100,7 @@ def find_resonance(
             advice="record q_ref",
         )
     high = 0.2 * recording.rate if highest is None else highest
-    spectra = _loop_spectra(recording, joint, lowest, high, gamma, None)
-    used = _excited(spectra)
+    used = _excited(_loop_spectra(recording, joint, lowest, high, gamma, None))
     if len(used.frequency) < MIN_BINS:
         return _nothing_excited(recording, name, used)
     rigid, rigid_cost, rigid_covariance = fit_rigid(used)
@@ -155,8 +155,6 @@ def _loop_spectra(
     known: np.ndarray | None,
 ) -> LocalSpectra:
     """Spectra of speed, torque and sign of the speed, as values at the instants."""
-    from pivident.signals.bandpass import butterworth, central_difference
-
     assert recording.q_ref is not None
     rate, h = recording.rate, recording.dt
     q, tau = recording.q[:, joint], recording.tau[:, joint]

@@ -24,6 +24,7 @@ import numpy as np
 
 from pivident.data.recording.recording import Recording
 from pivident.foundation.errors import IdentificationError
+from pivident.signals.bandpass import butterworth, central_difference
 from pivident.studies.flexibility.measured import Measured
 from pivident.studies.flexibility.simulated_joint import MotorLoop, TwoMassJoint, loop_motion
 from pivident.studies.flexibility.spectral_equations import (
@@ -165,8 +166,6 @@ def _signals(
     q_motor: np.ndarray, q_link: np.ndarray, rate: float, cutoff: float | None
 ) -> _Signals:
     """Positions and speeds; measured speeds are low-passed for the sign of friction."""
-    from pivident.signals.bandpass import butterworth, central_difference
-
     smooth = [q if cutoff is None else butterworth(q, rate, cutoff) for q in (q_motor, q_link)]
     return _Signals(q_motor, q_link, *(central_difference(q, rate) for q in smooth))
 
@@ -278,8 +277,6 @@ def _simulated(
 
 def _fitted_law(reference: np.ndarray, q: np.ndarray, tau: np.ndarray, rate: float) -> MotorLoop:
     """PD law with feed-forward that comes closest to the torque, below a tenth of the rate."""
-    from pivident.signals.bandpass import butterworth
-
     dr = np.gradient(reference, 1 / rate)
     error = butterworth(reference - q, rate, 0.1 * rate)
     columns = np.column_stack(

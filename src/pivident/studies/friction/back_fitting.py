@@ -266,8 +266,7 @@ def joint_posterior(y: np.ndarray, functions: Sequence[WalkColumns]) -> JointPos
             mean = np.asarray(own_between[f.z != 0.0].mean(axis=0)).ravel() @ own_walk
             precision[start:stop, start:stop] += FIRM * np.outer(mean, mean)
         start = stop
-    factor = cho_factor(precision, lower=True)
-    covariance = cho_solve(factor, np.eye(len(precision)))
+    covariance = cho_solve(cho_factor(precision, lower=True), np.eye(len(precision)))
     level = block_diag(*[w[: f.points] for w, f in zip(walks, functions, strict=True)])
     return JointPosterior(
         value=level @ (covariance @ (walk.T @ (seen.T @ y))),

@@ -23,7 +23,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
-from pivident.experiment.init.complete_sign import complete_sign
+from pivident.experiment.init.trial import complete_sign
 from pivident.foundation.distributions import fisher
 from pivident.foundation.text.finding import Finding, Quantity
 from pivident.foundation.text.numbers import format_significant, plus_minus

@@ -48,8 +48,7 @@ def curves_table(study: FrictionStudy) -> pl.DataFrame:
     function).
     """
     pl = require("polars", extra="tables", purpose="the table of friction curves")
-    frames = [frame for joint in study.joints for frame in _joint_frames(joint)]
-    return pl.concat(frames)
+    return pl.concat([frame for joint in study.joints for frame in _joint_frames(joint)])
 
 
 def as_json(study: FrictionStudy) -> dict[str, Any]:
@@ -158,21 +157,21 @@ def _joint_frames(joint: JointFriction) -> list[pl.DataFrame]:
                 "effective": p.density,
             }
         )
-    for name, found in joint.maps.items():
-        frames.append(
-            {
-                "kind": "map",
-                "name": name,
-                "state_name": found.state,
-                "state_unit": found.unit,
-                "state": found.centre,
-                "value": found.value,
-                "lower": found.lower,
-                "upper": found.upper,
-                "passes": found.passes.astype(float),
-                "effective": found.effective,
-            }
-        )
+    frames += [
+        {
+            "kind": "map",
+            "name": name,
+            "state_name": found.state,
+            "state_unit": found.unit,
+            "state": found.centre,
+            "value": found.value,
+            "lower": found.lower,
+            "upper": found.upper,
+            "passes": found.passes.astype(float),
+            "effective": found.effective,
+        }
+        for name, found in joint.maps.items()
+    ]
     numbers = ("state", "value", "lower", "upper", "passes", "effective")
     return [
         pl.DataFrame(

@@ -99,9 +99,11 @@ def findings(
     ]
     if "load" in fit:
         found.append(_load(torque, fit, held_out))
-    found.append(_position(torque, fit, held_out))
-    found.append(_drift(torque, fit, held_out))
-    found.append(_prediction(held_out))
+    found += [
+        _position(torque, fit, held_out),
+        _drift(torque, fit, held_out),
+        _prediction(held_out),
+    ]
     return tuple(found)
 
 
@@ -224,8 +226,7 @@ def _bend(torque: FrictionTorque, fit: StateDependentFit) -> FrictionFinding:
 def _load(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) -> FrictionFinding:
     """Slope of p₃ against |load|, up to the load that is exceeded a tenth of the time."""
     reach = float(np.quantile(np.abs(torque.load[torque.moving]), 0.9))
-    weights = {"load": slope_over_size(fit["load"])}
-    slope, std = fit.contrast(weights)
+    slope, std = fit.contrast({"load": slope_over_size(fit["load"])})
     share, spread = (100.0 * x * reach / max(torque.level, 1e-300) for x in (slope, std))
     gain, gain_std = held_out.full.gain(held_out.by_term["load"])
     large = abs(share) > 2.0 * spread and abs(share) > PRACTICAL
@@ -308,8 +309,7 @@ def main_period(p: StateDependentParameter) -> tuple[float, float]:
 def _drift(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) -> FrictionFinding:
     """Change from the beginning to the end, in percent of the friction."""
     p = fit["time"]
-    weights = at(p, p.state[-1]) - at(p, p.state[0])
-    change, deviation = fit.contrast({"time": weights})
+    change, deviation = fit.contrast({"time": at(p, p.state[-1]) - at(p, p.state[0])})
     share, std = (100.0 * x / max(torque.level, 1e-300) for x in (change, deviation))
     length = float(p.state[-1] - p.state[0])
     gain, gain_std = held_out.full.gain(held_out.by_term["time"])

@@ -7,8 +7,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.foundation.document.figure import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
-from pivident.foundation.document.plot import LEGEND, Plot, band, colour_scale, kept_samples, packed
+from pivident.foundation.document.plot import (
+    ERROR,
+    LEGEND,
+    MEASURED,
+    METHOD_COLOURS,
+    Figure,
+    Plot,
+    band,
+    colour_scale,
+    empty_plot,
+    kept_samples,
+    packed,
+)
 from pivident.foundation.text.numbers import format_significant
 from pivident.studies.friction.effects import FrictionFinding, pm
 from pivident.studies.friction.friction_map import FrictionMap
@@ -96,8 +107,7 @@ def load_figure(joint: JointFriction) -> Figure:
 
 def time_figure(joint: JointFriction) -> Figure:
     """What changes while the record lasts."""
-    unit = joint.torque.torque_unit
-    plot = _plot(f"against the motion [{unit}]", "time [s]")
+    plot = _plot(f"against the motion [{joint.torque.torque_unit}]", "time [s]")
     p = joint.fit["time"]
     _band(plot, p.state, p.value, p.std, METHOD_COLOURS[4], "straight line")
     _points(plot, joint.maps["time"], METHOD_COLOURS[4], "bins")

@@ -87,7 +87,7 @@ def friction_torques(
     ``standstill`` is a share of the rated speed (None: 1 %), ``band`` the half-power frequency of
     load and acceleration [Hz] (None: the highest frequency of the motion, 20 Hz).
     """
-    rigid = _rigid_theta(identification)
+    rigid = np.where([p.carries_load for p in identification.parameters], identification.theta, 0.0)
     regressor = regressor_of(identification.robot, identification.parameters)
     records = _kinematics(problem, identification)
     slow = _standstill(problem, standstill)
@@ -97,39 +97,35 @@ def friction_torques(
         q, dq, ddq = (x[:, k.start : k.stop].T for x in (k.q, k.dq, k.ddq))
         load = regressor.torque(q, dq, ddq, rigid)
         coupled = regressor.torque(q, dq, ddq, _coupling_theta(identification))
-        model = identification.predict(q, dq, ddq)
-        law = model - load - coupled
+        law = identification.predict(q, dq, ddq) - load - coupled
         tau = k.tau[:, k.start : k.stop].T - load - coupled
         load, ddq = (_smoothed(x, k.recording.rate, band) for x in (load, ddq))
         parts.append((q, dq, ddq, load, tau, law))
     q, dq, ddq, load, tau, law = (np.concatenate(x) for x in zip(*parts, strict=True))
-    lengths = [k.stop - k.start for k in records]
-    record = np.repeat(np.arange(len(records)), lengths)
+    record = np.repeat(np.arange(len(records)), [k.stop - k.start for k in records])
     t = np.concatenate([np.arange(k.start, k.stop) / k.recording.rate for k in records])
     load_std = _rigid_standard_error(identification, regressor, q, dq, ddq)
-    friction = []
-    for j, joint in enumerate(problem.robot.joints):
-        revolute = joint.kind == "revolute"
-        friction.append(
-            FrictionTorque(
-                name=joint.name,
-                torque_unit="N m" if revolute else "N",
-                position_unit="rad" if revolute else "m",
-                rate=records[0].recording.rate,
-                t=t,
-                q=q[:, j],
-                dq=dq[:, j],
-                ddq=ddq[:, j],
-                load=load[:, j],
-                tau=tau[:, j],
-                law=law[:, j],
-                record=record,
-                moving=np.abs(dq[:, j]) > slow[j],
-                standstill=float(slow[j]),
-                band=band,
-                load_std=float(load_std[j]),
-            )
+    friction = [
+        FrictionTorque(
+            name=joint.name,
+            torque_unit=joint.torque_unit,
+            position_unit=joint.position_unit,
+            rate=records[0].recording.rate,
+            t=t,
+            q=q[:, j],
+            dq=dq[:, j],
+            ddq=ddq[:, j],
+            load=load[:, j],
+            tau=tau[:, j],
+            law=law[:, j],
+            record=record,
+            moving=np.abs(dq[:, j]) > slow[j],
+            standstill=float(slow[j]),
+            band=band,
+            load_std=float(load_std[j]),
         )
+        for j, joint in enumerate(problem.robot.joints)
+    ]
     return tuple(friction)
 
 
@@ -139,11 +135,6 @@ def _smoothed(x: np.ndarray, rate: float, band: float) -> np.ndarray:
 
     width = np.sqrt(np.log(2.0)) / (2.0 * np.pi * band) * rate
     return gaussian_filter1d(x, width, axis=0, mode="nearest")
-
-
-def _rigid_theta(found: Identification) -> np.ndarray:
-    """The estimate with all friction set to zero."""
-    return np.where([p.carries_load for p in found.parameters], found.theta, 0.0)
 
 
 def _coupling_theta(found: Identification) -> np.ndarray:
@@ -173,6 +164,5 @@ def _rigid_standard_error(
     at = np.unique(np.linspace(0, len(q) - 1, STANDARD_ERROR_SAMPLES).astype(int))
     phi = regressor.matrix(q[at], dq[at], ddq[at])
     phi[:, :, [not p.carries_load for p in found.parameters]] = 0.0
-    covariance = found.robust_covariance
-    variance = np.einsum("nja,ab,njb->nj", phi, covariance, phi, optimize=True)
+    variance = np.einsum("nja,ab,njb->nj", phi, found.robust_covariance, phi, optimize=True)
     return np.sqrt(np.maximum(variance.mean(axis=0), 0.0))

@@ -99,8 +99,7 @@ def angles_of(robot: Robot, joint: int) -> tuple[Angle, ...]:
             others.append(Angle(motor, row / row[joint], ((motor, gear),), own=False))
         else:
             own_motors.append((motor, gear))
-    own = Angle(names[joint], np.eye(robot.size)[joint], tuple(own_motors))
-    return (own, *others)
+    return (Angle(names[joint], np.eye(robot.size)[joint], tuple(own_motors)), *others)
 
 
 def relate(
@@ -318,12 +317,14 @@ class Ripple:
         for joint in self.joints:
             out += [str(line) for line in joint.lines] or [f"{joint.name}: no ripple found"]
             out += [
-                f"{joint.name}: line at {line.frequency:.4g} Hz, "
-                f"{format_significant(line.amplitude)} "
-                f"{joint.unit}, constant in time, not ripple"
-                for line in joint.time_lines
+                *(
+                    f"{joint.name}: line at {line.frequency:.4g} Hz, "
+                    f"{format_significant(line.amplitude)} "
+                    f"{joint.unit}, constant in time, not ripple"
+                    for line in joint.time_lines
+                ),
+                *(f"{joint.name}: {note}" for note in joint.notes),
             ]
-            out += [f"{joint.name}: {note}" for note in joint.notes]
         return "\n".join(out)
 
 

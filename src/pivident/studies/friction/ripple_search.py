@@ -130,8 +130,7 @@ def search_joint(
     lag: float | None = None,
 ) -> JointRipple:
     """All ripple lines of one joint; see ``find_ripple``."""
-    angles = angles_of(robot, joint)
-    unit = "N m" if robot.joints[joint].kind == "revolute" else "N"
+    angles, unit = angles_of(robot, joint), robot.joints[joint].torque_unit
     tops = [highest_order(robot, series, joint, angle, highest) for angle in angles]
     grids = [visited_grid(series, joint, a, top) for a, top in zip(angles, tops, strict=True)]
     tried = len(LAGS) if lag is None else 1
@@ -283,8 +282,7 @@ def _best_in_time(
     if not inside.any():
         return 0.0
     ratio = np.where(inside, gain / np.maximum(floor, 1e-12), 0.0)
-    best = int(np.argmax(ratio))
-    return float(frequency[best])
+    return float(frequency[int(np.argmax(ratio))])
 
 
 def _band(

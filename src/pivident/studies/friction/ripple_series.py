@@ -79,8 +79,7 @@ def _predicted(identification: Identification, recording: Recording) -> Residual
     part = slice(k.start, k.stop)
     q, dq, ddq, tau = (x[:, part].T for x in (k.q, k.dq, k.ddq, k.tau))
     model = identification.predict(q, dq, ddq)
-    fastest = np.abs(dq).max(axis=0)
-    rated = np.where(np.isfinite(robot.rated_speeds), robot.rated_speeds, fastest)
+    rated = np.where(np.isfinite(robot.rated_speeds), robot.rated_speeds, np.abs(dq).max(axis=0))
     used = np.abs(dq) >= LOW_SPEED * rated
     t = recording.t[part]
     error = tau - model
@@ -214,8 +213,7 @@ def fit_waves(
         if step == 0:
             beta = _solved(left, right)
             continue
-        turned = _white_columns(model, scale, slopes, used)
-        both = np.hstack([left, turned])
+        both = np.hstack([left, _white_columns(model, scale, slopes, used)])
         solution = _solved(both, right)
         beta = solution[: beta.size]
         change = np.clip(solution[beta.size :], -reach / 2, reach / 2)

@@ -20,8 +20,7 @@ import numpy as np
 from pivident.estimation.problem import Problem
 from pivident.foundation.distributions import student
 from pivident.foundation.text.display import Displayed
-from pivident.foundation.text.numbers import format_significant
-from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.numbers import format_significant, plain_table
 from pivident.judgement.validation.held_out.segment_sums import effective_rows
 from pivident.robot.friction import law_toml
 from pivident.robot.naming import find_joint
@@ -66,8 +65,7 @@ class TriedRange:
             max(low[~h].min() - low[h].min(), high[h].max() - high[~h].max(), 0.0) for h in held
         )
         units = ("rad", "N m") if kind == "revolute" else ("m", "N")
-        travel = (float(low.min()), float(high.max()))
-        return cls(*units, *faster, *heavier, float(farther), travel)
+        return cls(*units, *faster, *heavier, float(farther), (float(low.min()), float(high.max())))
 
     def __str__(self) -> str:
         number = format_significant

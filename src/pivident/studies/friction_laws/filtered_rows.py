@@ -174,8 +174,7 @@ class BandRows:
 
     def _passed(self, columns: np.ndarray, number: int) -> np.ndarray:
         rate = self.last.equations.records[number].kinematics.recording.rate
-        low = butterworth(columns.T, rate, self.band)
-        return np.ascontiguousarray(low[self.samples[number]].T)
+        return np.ascontiguousarray(butterworth(columns.T, rate, self.band)[self.samples[number]].T)
 
 
 class ShapedRows:
@@ -249,8 +248,7 @@ class ShapedRows:
         for rows, (phi, z), own in zip(self.records, moving, windows, strict=True):
             both = np.vstack([rows.phi, phi])
             instruments = None if rows.z is None or z is None else np.vstack([rows.z, z])
-            shares = list(own.shares(slice(0, rows.tau.size)))
-            s.add(both, instruments, rows.tau, None, shares)
+            s.add(both, instruments, rows.tau, None, list(own.shares(slice(0, rows.tau.size))))
         s.rows = self.rows
         return s
 

@@ -75,8 +75,7 @@ class Cells:
         records = last.equations.records
         moving = [moving_part(problem, r.kinematics) for r in records]
         recordings = [r.kinematics.recording for r in records]
-        seconds = np.ptp(moving, axis=1) / [r.rate for r in recordings]
-        counts = _counts(seconds, folds, gap)
+        counts = _counts(np.ptp(moving, axis=1) / [r.rate for r in recordings], folds, gap)
         labels, first = [], 0
         for record, (start, stop), count in zip(records, moving, counts, strict=True):
             half = 0.5 * gap * record.kinematics.recording.rate
@@ -123,8 +122,7 @@ class Cells:
         ):
             rank = np.argsort(np.argsort(values, kind="stable"))
             count = round(ENDS * order.size)
-            made.append(Division(low, rank < count))
-            made.append(Division(high, rank >= order.size - count))
+            made += [Division(low, rank < count), Division(high, rank >= order.size - count)]
         return made
 
     def thinned(self, steps: Sequence[int]) -> Segments:

@@ -108,9 +108,7 @@ def adding(terms: tuple[FrictionTerm, ...]) -> Change:
     stems = {t.stem for t in terms}
 
     def change(law: FrictionLaw) -> FrictionLaw | None:
-        if stems & {t.stem for t in law.terms}:
-            return None
-        return _replaced(law, (), terms)
+        return None if stems & {t.stem for t in law.terms} else _replaced(law, (), terms)
 
     return change
 

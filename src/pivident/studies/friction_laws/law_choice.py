@@ -91,8 +91,7 @@ class AllJoints:
     def held_out(self, laws: Sequence[FrictionLaw]) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Mean square error of each joint in each held-out cell, and parameters of its law."""
         sums = [judge.sums(law) for judge, law in zip(self.judges, laws, strict=True)]
-        sizes = [len(law.terms) for law in laws]
-        ends = self.kept.size + np.cumsum([0, *sizes])
+        ends = self.kept.size + np.cumsum([0, *[len(law.terms) for law in laws]])
         own = [
             np.r_[columns, np.arange(a, b)]
             for columns, a, b in zip(self.columns, ends[:-1], ends[1:], strict=True)
@@ -104,13 +103,11 @@ class AllJoints:
             for d in judge.divisions:
                 key = d.held_out.tobytes()
                 if key not in solved:
-                    which = judge.segments.training(d.held_out)
-                    solved[key] = self._solve(sums, own, which)
+                    solved[key] = self._solve(sums, own, judge.segments.training(d.held_out))
                 squares = judge.squares_by_cell(laws[number], solved[key][own[number]])
                 total += squares * d.held_out
             errors.append(total)
-        every = np.arange(self.judges[0].segments.count)
-        whole = self._solve(sums, own, every)
+        whole = self._solve(sums, own, np.arange(self.judges[0].segments.count))
         return errors, [whole[a:b] for a, b in pairwise(ends)]
 
     def _solve(
@@ -258,8 +255,7 @@ def choose_laws(
             own = {k: v for k, v in own.items() if k not in load_and_memory()}
         own |= (more or {}).get(name, {})
         judges.append(JointJudge(last, robot, j, cells, by_joint, found.theta, band))
-        tests = max(len(own) * len(numbers), 1)
-        grown.append(_grown(judges[-1], name, own, depth, tests, say))
+        grown.append(_grown(judges[-1], name, own, depth, max(len(own) * len(numbers), 1), say))
     say("fitting the chosen laws of all joints together")
     settled, dropped = settled_together(AllJoints(judges, by_joint), [path for _, path in grown])
     made, laws = [], dict[str, FrictionLaw]()
@@ -276,8 +272,7 @@ def choose_laws(
             laws[name] = chosen.law
     chosen_problem = with_laws(problem, laws) if laws else problem
     alone = [j.joint for j, judge in zip(made, judges, strict=True) if judge.is_alone]
-    held_out = cells.in_words(alone)
-    return LawChoice(chosen_problem, tuple(made), found.method, held_out, gap, band)
+    return LawChoice(chosen_problem, tuple(made), found.method, cells.in_words(alone), gap, band)
 
 
 def with_laws(problem: Problem, laws: Mapping[str, FrictionLaw]) -> Problem:
@@ -383,8 +378,7 @@ def _compared(judge: JointJudge, scores: Sequence[LawScore]) -> list[LawScore]:
 
 def _own_sums(last: LastPass, joint: int, cells: Cells) -> SegmentSums:
     """Sums of one joint's rows on its own columns."""
-    every = np.arange(last.equations.regressor.columns_of(joint).size)
-    rows = last.rows_of(joint, every)
+    rows = last.rows_of(joint, np.arange(last.equations.regressor.columns_of(joint).size))
     return SegmentSums.of([(r.phi, r.z, r.tau, r.used) for r in rows], cells.segments)
 
 

@@ -158,15 +158,13 @@ class JointJudge:
         self.band_parts = [(r.phi, None, r.tau, r.used) for r in self.band.rows]
         self.band_fixed = SegmentSums.of(self.band_parts, self.band_segments)
         self.motions = [r.kinematics for r in last.equations.records]
-        records = last.equations.records
         #: Samples of each recording on whose rows the joint's laws are fitted.
-        self.used = [row_samples(r)[r.used[joint]] for r in records]
+        self.used = [row_samples(r)[r.used[joint]] for r in last.equations.records]
         self.load = self._load()
         self.divisions = self._divisions()
         self.lam = float(last.equations.variance[joint])
         others = weighted_sums(last, [joint], self.segments.count, self.rest, by_joint)
-        every = np.arange(self.segments.count)
-        self.whole = self._training(others, every)
+        self.whole = self._training(others, np.arange(self.segments.count))
         self.training = [
             self._training(others, self.segments.training(d.held_out)) for d in self.divisions
         ]
@@ -231,8 +229,7 @@ class JointJudge:
     ) -> np.ndarray:
         """Mean square error in each held-out cell, shape (cells,)."""
         law, sums, _ = point
-        theta = self.own_theta(training.solve(sums))
-        return self.squares_by_cell(law, theta) * d.held_out
+        return self.squares_by_cell(law, self.own_theta(training.solve(sums))) * d.held_out
 
     def squares_by_cell(self, law: FrictionLaw, theta: np.ndarray) -> np.ndarray:
         """Mean square error in each cell, shape (cells,); cells weigh as much as their rows.
@@ -366,8 +363,7 @@ class JointJudge:
 
     def _divisions(self) -> list[Division]:
         """What is held out: by the joint's speed and load where there is one recording."""
-        records = self.last.equations.records
-        pairs = zip(records, self.motions, strict=True)
+        pairs = zip(self.last.equations.records, self.motions, strict=True)
         speed = [np.abs(k.dq[self.joint, row_samples(r)]) for r, k in pairs]
         load = [np.abs(x) for x in self.load]
         return self.cells.divisions(*(self.cells.by_cell(x, np.mean) for x in (speed, load)))

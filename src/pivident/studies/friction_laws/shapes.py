@@ -25,7 +25,7 @@ from pivident.estimation.problem import Problem
 from pivident.foundation.errors import IdentificationError, UnknownName
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding
-from pivident.foundation.text.numbers import format_significant
+from pivident.foundation.text.numbers import format_significant, plain_table
 from pivident.studies.friction_laws.filtered_rows import LastPass, ShapedRows
 from pivident.studies.friction_laws.shape_constants import (
     ShapeConstant,
@@ -144,8 +144,6 @@ class ShapedIdentification(Displayed):
 
     def table(self) -> str:
         """The constants as a plain table."""
-        from pivident.foundation.text.plain_table import plain_table
-
         return plain_table(
             [
                 ("constant", "<", [s.label for s in self.shapes]),
@@ -225,8 +223,7 @@ def identify_shapes(
             break
         if number == MAX_PASSES:
             break
-        for j, (own, s) in searched.items():
-            constants[j] = list(own.rows.values(s.coordinates))
+        constants |= {j: list(own.rows.values(s.coordinates)) for j, (own, s) in searched.items()}
         shaped = with_shapes(problem.robot, [c for own in constants.values() for c in own])
         start = dict(zip(problem.names, state.theta, strict=True))
         problem = replace(problem, robot=shaped, initial=dict(problem.initial) | start)

@@ -84,8 +84,7 @@ class SeparableSearch:
     ) -> None:
         self.rows, self.size, self.power = rows, size, weight_power
         self.lam = float(variance[rows.joint])
-        unknowns = size + len(rows.constants)
-        self._rest = _Weighted.zeros(unknowns)
+        self._rest = _Weighted.zeros(size + len(rows.constants))
         for sums, j in zip(others, joints, strict=True):
             self._rest.add(sums, float(variance[j]), weight_power)
 
@@ -106,14 +105,12 @@ class SeparableSearch:
         if u.size == 1:
             return []
         lines = [[c.coordinate(float(v)) for v in c.grid()[1::2]] for c in self.rows.constants]
-        points = [np.array(point) for point in product(*lines)]
-        return sorted(points, key=self.criterion)[:STARTS]
+        return sorted([np.array(point) for point in product(*lines)], key=self.criterion)[:STARTS]
 
     def criterion(self, u: np.ndarray) -> float:
         """C at coordinates u, θ being the least-squares solution."""
         total = self._rest.plus(self.rows.sums(u), self.lam, self.power)
-        theta = least_norm_solution(total.ff, total.ft)
-        return float(total.tt - theta @ total.ft)
+        return float(total.tt - least_norm_solution(total.ff, total.ft) @ total.ft)
 
     def start(self, u: np.ndarray) -> np.ndarray:
         """Best point of the grids, constant by constant, twice if there are several constants."""

@@ -205,10 +205,9 @@ def arm_and_load(
     ``frame``: frame of the known parts in that of the link. ``friction_under_load``: friction may
     be different with the load.
     """
-    base = problem.base
     names = [p.name for p in problem.regressor.parameters]
     selected = np.array([names.index(p.name) for p in arm.parameters])
-    columns = load_columns(base, link)[list(problem.selection)]
+    columns = load_columns(problem.base, link)[list(problem.selection)]
     rows = known.equations()[0] @ seen_from(frame)
     basis, structural = _determined_directions(columns, rows)
     movable = [

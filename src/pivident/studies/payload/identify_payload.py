@@ -29,6 +29,7 @@ from pivident.estimation.prefiltered_iv import with_instruments
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Decimated, RandomWalk
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.version import __version__
 from pivident.loop.instruments.given_motion import InstrumentsUsed
 from pivident.loop.simulation.control_loop import Loop
 from pivident.robot.description import Robot
@@ -162,7 +163,6 @@ def identify_payload(
         warnings += contradicted(known, by_torques)
     if isinstance(empty, Problem):  # another method's error would refer to other samples
         warnings += worse_explained(arm, rms_errors)
-    from pivident.foundation.version import __version__
 
     return PayloadIdentification(
         load=load,

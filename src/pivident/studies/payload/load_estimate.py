@@ -87,9 +87,7 @@ class LoadEstimate(Displayed):
     @property
     def center_of_mass(self) -> np.ndarray:
         """Centre of mass c = h/m [m], shape (3,); NaN where the mass is not positive."""
-        if not self.mass > 0:
-            return np.full(3, np.nan)
-        return self.values[6:9] / self.mass
+        return self.values[6:9] / self.mass if self.mass > 0 else np.full(3, np.nan)
 
     @cached_property
     def center_of_mass_std(self) -> np.ndarray:
@@ -142,8 +140,7 @@ class LoadEstimate(Displayed):
                 continue
             h, spread = self.values[6 + k], self.covariance[6 + k, 6 + k]
             half = h * m - z**2 * self.covariance[6 + k, 9]
-            rest = h**2 - z**2 * spread
-            root = np.sqrt(max(half**2 - leading * rest, 0.0))
+            root = np.sqrt(max(half**2 - leading * (h**2 - z**2 * spread), 0.0))
             made[k] = (half - root) / leading, (half + root) / leading
         return made
 

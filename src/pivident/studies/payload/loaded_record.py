@@ -86,8 +86,7 @@ class LoadedRecords:
         self.prefilters = self.steps.noise_models(before, theta)
         simulated = Simulated(*self.steps.auxiliary.simulate_or_halve(last, theta))
         self.records, _ = self.steps.equations(before, simulated, self.prefilters)
-        sums = accumulate(self.problem.regressor, self.records, self.filters)
-        return sums, simulated.theta
+        return accumulate(self.problem.regressor, self.records, self.filters), simulated.theta
 
     def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
         """τ - Φθ of each recording [N m or N], shape (joints, samples)."""
@@ -139,8 +138,7 @@ def check_same_arm(arm: Identification, loaded: Problem) -> None:
     base = loaded.base
     groups = dict(zip((p.name for p in base.parameters), base.expressions, strict=True))
     laws = {p.name: p.friction for p in base.parameters}
-    there = arm.robot.size, arm.robot.joint_names
-    if there != (loaded.robot.size, loaded.robot.joint_names):
+    if (arm.robot.size, arm.robot.joint_names) != (loaded.robot.size, loaded.robot.joint_names):
         raise ExperimentError(
             f"the empty arm has the joints {', '.join(arm.robot.joint_names)}, the loaded one "
             f"{', '.join(loaded.robot.joint_names)}",

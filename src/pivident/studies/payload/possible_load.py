@@ -158,7 +158,6 @@ def _least(direction: np.ndarray, requirements: list[Requirement], determined: n
     if not solved.found:
         return np.nan
     if not determined.all():
-        growth = SEARCHED * float(solved.multipliers[-1][0])
-        if growth > GROWS * max(abs(solved.value), 1.0):
+        if SEARCHED * float(solved.multipliers[-1][0]) > GROWS * max(abs(solved.value), 1.0):
             return -np.inf
     return float(direction @ solved.u)

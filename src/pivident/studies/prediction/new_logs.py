@@ -313,8 +313,7 @@ def _bare(path: Path, robot: Robot) -> Iterator[NewLog]:
         )
     log = replace(log, logged={k: x for k, x in log.logged.items() if k in CHANNELS})
     if log.clocks:
-        clock = next(iter(log.clocks))
-        described = replace(log.description, units={"t": "s"}, clock=clock)
+        described = replace(log.description, units={"t": "s"}, clock=next(iter(log.clocks)))
         log = replace(log, columns=log.clocks, description=described)
     note = " ".join(log.notes)
     if "tau" not in log.logged:

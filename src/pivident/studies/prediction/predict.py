@@ -191,8 +191,7 @@ def _without_each(squares: np.ndarray) -> np.ndarray:
 
 def _interval(every: np.ndarray, left_out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ends from the value of all blocks, and those with each left out (blocks first)."""
-    count = len(left_out)
-    factor = np.exp(student.ppf(0.975, count - 1) * jackknife_spread(left_out))
+    factor = np.exp(student.ppf(0.975, len(left_out) - 1) * jackknife_spread(left_out))
     return every / factor, every * factor
 
 
@@ -278,8 +277,7 @@ def _error_findings(error: ErrorOnLog, held_out: HeldOutErrors | None) -> list[F
     evidence = {"torque error": Quantity(e.total_in_band, "%", interval=ends)}
     findings = [Finding("note", "prediction", "error", f"{text}.", evidence=evidence)]
     if held_out is not None:
-        ratios = error_ratios(error.moving, held_out, e.joint_names)
-        beside = finding_of(ratios, held_out)
+        beside = finding_of(error_ratios(error.moving, held_out, e.joint_names), held_out)
         findings += [] if beside is None else [beside]
     useless = [
         name
@@ -323,10 +321,10 @@ def _at_rest(robot: Robot, still: np.ndarray, residual: np.ndarray) -> list[Find
             continue
         there, moving = (float(np.sqrt(np.mean(residual[own, j] ** 2))) for own in (rest, ~rest))
         if there > WORSE * moving:
-            unit = "N m" if joint.kind == "revolute" else "N"
             named.append(
-                f"{joint.name} {format_significant(there)} {unit} in {percent(100 * share)} of the "
-                f"samples, {format_significant(moving)} {unit} in motion"
+                f"{joint.name} {format_significant(there)} {joint.torque_unit} in "
+                f"{percent(100 * share)} of the samples, "
+                f"{format_significant(moving)} {joint.torque_unit} in motion"
             )
     if not named:
         return []

@@ -116,8 +116,7 @@ def range_exits(
             float(x.max()) if named else 0.0
             for x, named in zip((beyond, speed, acceleration), often, strict=True)
         )
-        outside = np.any(left, axis=0)
-        exits.append(RangeExit(joint.name, outside, farthest, fastest, hardest))
+        exits.append(RangeExit(joint.name, np.any(left, axis=0), farthest, fastest, hardest))
     return tuple(exits)
 
 
@@ -134,9 +133,11 @@ def exit_findings(
             range_text = " to ".join(map(format_significant, (fitted.low[j], fitted.high[j])))
             far = format_significant(one.position, 2)
             how.append(f"positions beyond {range_text} {unit} by up to {far} {unit}")
-        for name, ratio in (("speeds", one.speed), ("accelerations", one.acceleration)):
-            if ratio:
-                how.append(f"{name} up to {ratio:.1f} times the largest fitted")
+        how += [
+            f"{name} up to {ratio:.1f} times the largest fitted"
+            for name, ratio in (("speeds", one.speed), ("accelerations", one.acceleration))
+            if ratio
+        ]
         text = (
             f"{one.joint} leaves the fitted range in {percent(100 * one.share)} of the samples: "
             f"{', '.join(how)}."
@@ -194,7 +195,7 @@ class Prediction(Accounted):
     @property
     def units(self) -> tuple[str, ...]:
         """Unit of each joint's torque."""
-        return tuple("N m" if j.kind == "revolute" else "N" for j in self.robot.joints)
+        return tuple(joint.torque_unit for joint in self.robot.joints)
 
     def account(self) -> Document:
         """Errors of each joint and what they are, the torques over time, the findings."""
@@ -230,8 +231,7 @@ class Prediction(Accounted):
             "high_percent": Column(error.intervals[:, 1], shown="files"),
         }
         for name, shares in zip(("slower", "in band", "faster"), error.shares_by_band, strict=True):
-            key = f"{name.replace(' ', '_')}_percent"
-            columns[key] = Column(shares, f"{name} %", digits=2)
+            columns[f"{name.replace(' ', '_')}_percent"] = Column(shares, f"{name} %", digits=2)
         in_band = Column(e.relative_in_band, f"< {e.band:g} Hz %", digits=3)
         columns["error_in_band_percent"] = in_band
         if self.held_out is not None:

@@ -185,8 +185,7 @@ def _layout(predictions: Sequence[Prediction]) -> Any:
             residual = rr.new_entity_path([shown.recording, "residual", name])
             title = name
             if shown.error is not None:
-                relative = shown.error.errors.relative[j]
-                title = f"{name}: error {format_significant(relative)} %"
+                title = f"{name}: error {format_significant(shown.error.errors.relative[j])} %"
             contents = [f"{torque}/**", f"{residual}/**"]
             torques.append(rrb.TimeSeriesView(name=title, origin="/", contents=contents))
         arm = rrb.Spatial3DView(name="arm", origin=rr.new_entity_path([shown.recording, "arm"]))

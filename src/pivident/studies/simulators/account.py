@@ -39,8 +39,7 @@ def account(fit: SimulatorFit, robot: RobotFile | None, held_out: HeldOut | None
         figures = [error_curves(held_out, j) for j in range(held_out.robot.size)]
         parts.append(Part(f"Errors on {held_out.name}", blocks, figures))
         findings += held_out.findings()
-        joints = fit.robot.joint_names
-        errors = {"motion": held_out.name, "joints": joints, "rms": held_out.rms()}
+        errors = {"motion": held_out.name, "joints": fit.robot.joint_names, "rms": held_out.rms()}
     stored: dict[str, Any] = {
         "schema": SCHEMA,
         "robot": fit.robot.name,
@@ -82,8 +81,10 @@ def errors_table(held_out: HeldOut) -> Table:
     """Root mean square of the position errors by joint, before and after."""
     joints = held_out.robot.joints
     columns = {"joint": Column(held_out.robot.joint_names)}
-    for title, errors in held_out.rms().items():
-        columns[title] = Column(1e3 * errors, cells=[*map(milli, errors.tolist())])
+    columns |= {
+        title: Column(1e3 * errors, cells=[*map(milli, errors.tolist())])
+        for title, errors in held_out.rms().items()
+    }
     columns["unit"] = Column(["mrad" if j.position_unit == "rad" else "mm" for j in joints])
     return Table("held_out", columns, title="Position errors on motion that the fit has not seen")
 

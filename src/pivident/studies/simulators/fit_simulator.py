@@ -115,8 +115,7 @@ def fit_simulator(
     controller = with_measured_gravity(loop.controller, machine, loop.drive_gain, loop.feed_forward)
     drives = [_drive(machine, loop, run, "delay" in free) for run in runs]
     parts = branches(machine) if can_be_divided(controller) else [tuple(range(machine.size))]
-    posture = runs[0].q.mean(axis=0)
-    inertia, torque, speed = _start(machine, loop, controller, runs, posture)
+    inertia, torque, speed = _start(machine, loop, controller, runs, runs[0].q.mean(axis=0))
     fits: list[SimulationFit | None] = [None] * len(parts)
     offsets: list[np.ndarray] = [np.zeros(0)] * len(parts)
     sought: list[list[JointQuantity]] = []

@@ -91,8 +91,10 @@ def joint_quantities(robot: Robot, free: Sequence[str]) -> list[JointQuantity]:
             unknown = Unknown("delay", "s", Direction("delay"), 0.0, MAX_DRIVE_DELAY)
             made.append(JointQuantity(quantity, "", unknown))
             continue
-        for j, joint in enumerate(robot.joints):
-            made.append(JointQuantity(quantity, joint.name, _unknown(robot, quantity, j)))
+        made += [
+            JointQuantity(quantity, joint.name, _unknown(robot, quantity, j))
+            for j, joint in enumerate(robot.joints)
+        ]
     return made
 
 

@@ -55,8 +55,7 @@ def held_spec(spec: Any, joint_names: Sequence[str], frozen: Mapping[str, float]
     """
     mujoco, held = mujoco_library(), spec.copy()
     model = compiled(held)
-    elements = (held.actuators, held.sensors, held.keys)
-    for kind in elements:
+    for kind in (held.actuators, held.sensors, held.keys):
         for element in list(kind):
             held.delete(element)
     for joint in list(held.joints):

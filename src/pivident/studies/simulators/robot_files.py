@@ -95,8 +95,7 @@ def fitted_urdf(fit: SimulatorFit, original: Path) -> RobotFile:
         elif values:
             damping, friction = (float(values.get(k, "0")) for k in ("damping", "friction"))
             text.append(element, [dynamics_line(damping, friction)])
-    sentences = _not_in_file(fit, ("damping", "frictionloss"), "URDF")
-    return RobotFile(text.content(), tuple(sentences))
+    return RobotFile(text.content(), tuple(_not_in_file(fit, ("damping", "frictionloss"), "URDF")))
 
 
 def isaac_actuators(fit: SimulatorFit, physics_step: float | None = None) -> RobotFile:
@@ -143,9 +142,11 @@ def isaac_actuators(fit: SimulatorFit, physics_step: float | None = None) -> Rob
     for key, values in fields.items():
         known = {re.escape(n): v for n, v in values.items() if np.isfinite(v)}
         if known:
-            lines += [f"    {key}={{"]
-            lines += [f"        {name!r}: {value!r}," for name, value in known.items()]
-            lines += ["    },"]
+            lines += [
+                f"    {key}={{",
+                *(f"        {name!r}: {value!r}," for name, value in known.items()),
+                "    },",
+            ]
     lines += [f"    min_delay={steps},", f"    max_delay={steps},", ")", ""]
     sentences = (delay, "DelayedPDActuator of Isaac Lab delays the target, not the torque")
     return RobotFile("\n".join(lines).encode(), sentences, format="isaac")

@@ -193,23 +193,23 @@ def validation_joints(found: CrossValidation) -> Table:
         if h.prediction is None:
             continue
         p = h.prediction
-        for j, joint in enumerate(p.joint_names):
-            rows.append(
-                {
-                    "method": found.method,
-                    "recording": h.recording,
-                    "start_s": float(h.start),
-                    "stop_s": float(h.stop),
-                    "joint": joint,
-                    "rms_error": float(p.rms[j]),
-                    "rms_error_in_band": float(p.rms_in_band[j]),
-                    "rms_torque": float(p.torque[j]),
-                    "noise_in_band": float(p.noise_in_band[j]),
-                    "torque_unit": p.units[j],
-                    "error_percent": float(p.relative[j]),
-                    "error_in_band_percent": float(p.relative_in_band[j]),
-                }
-            )
+        rows += [
+            {
+                "method": found.method,
+                "recording": h.recording,
+                "start_s": float(h.start),
+                "stop_s": float(h.stop),
+                "joint": joint,
+                "rms_error": float(p.rms[j]),
+                "rms_error_in_band": float(p.rms_in_band[j]),
+                "rms_torque": float(p.torque[j]),
+                "noise_in_band": float(p.noise_in_band[j]),
+                "torque_unit": p.units[j],
+                "error_percent": float(p.relative[j]),
+                "error_in_band_percent": float(p.relative_in_band[j]),
+            }
+            for j, joint in enumerate(p.joint_names)
+        ]
     return Table.of_rows("joints", rows, {"noise_in_band": "noise level just beyond the band"})
 
 

@@ -33,8 +33,9 @@ def recording_signals(recording: Recording) -> Table:
         "t_s": np.repeat(recording.t, joints),
         "joint": tuple(recording.joint_names) * samples,
     }
-    for name, values in recording.channels().items():
-        columns[name] = np.ascontiguousarray(values).ravel()
+    columns |= {
+        name: np.ascontiguousarray(values).ravel() for name, values in recording.channels().items()
+    }
     meanings = {
         "q": "joint position [rad or m]",
         "tau": "joint torque [N m or N]",
@@ -140,8 +141,7 @@ def problem_signals(problem: Problem) -> Table:
     """
     recordings = [(r.name, r.t, r.channels()) for r in problem.recordings]
     made = signals_table(recordings, problem.robot.joints)
-    meanings = recording_signals(problem.recordings[0]).meanings
-    return Table("signals", made.columns, meanings)
+    return Table("signals", made.columns, recording_signals(problem.recordings[0]).meanings)
 
 
 def signals_table(
@@ -189,8 +189,7 @@ def audit_findings(audit: Audit) -> Table:
         "severity", "topic", "kind", "subject", "value", "low", "high", "bound", "unit", "t_s",
         "message", "next_step",
     )  # fmt: skip
-    meanings = {"bound": "value from which it would be worse"}
-    return Table.of_rows("findings", rows, meanings, empty)
+    return Table.of_rows("findings", rows, {"bound": "value from which it would be worse"}, empty)
 
 
 def _quantity(decisive: Quantity | None) -> dict[str, float | str]:

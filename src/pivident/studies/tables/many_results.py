@@ -71,22 +71,21 @@ def comparison_torques(comparison: Comparison) -> Table:
 
 def comparison_friction(comparison: Comparison) -> Table:
     """One row for each point of each friction curve."""
-    rows = []
-    for joint in comparison.friction:
-        for curve in joint.curves:
-            for speed, torque, std in zip(joint.speed, curve.torque, curve.std, strict=True):
-                rows.append(
-                    {
-                        "joint": joint.name,
-                        "result": comparison.labels[curve.entry],
-                        "speed": float(speed),
-                        "speed_unit": joint.speed_unit,
-                        "value": float(torque),
-                        "low": float(torque - 2.0 * std),
-                        "high": float(torque + 2.0 * std),
-                        "torque_unit": joint.torque_unit,
-                    }
-                )
+    rows = [
+        {
+            "joint": joint.name,
+            "result": comparison.labels[curve.entry],
+            "speed": float(speed),
+            "speed_unit": joint.speed_unit,
+            "value": float(torque),
+            "low": float(torque - 2.0 * std),
+            "high": float(torque + 2.0 * std),
+            "torque_unit": joint.torque_unit,
+        }
+        for joint in comparison.friction
+        for curve in joint.curves
+        for speed, torque, std in zip(joint.speed, curve.torque, curve.std, strict=True)
+    ]
     empty = ("joint", "result", "speed", "speed_unit", "value", "low", "high", "torque_unit")
     return Table.of_rows("friction", rows, empty=empty)
 

@@ -7,9 +7,11 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.literature.filters import KalmanFilter
-from pivident.estimation.literature.filters.central_difference_kalman import CentralDifferenceKalman
-from pivident.estimation.literature.filters.extended_kalman import ExtendedKalman
-from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
+from pivident.estimation.literature.filters.kalman_filters import (
+    CentralDifferenceKalman,
+    ExtendedKalman,
+    UnscentedKalman,
+)
 from pivident.foundation.errors import FilterDiverged, LoopNotClosed
 from pivident.robot.gallery import load_robot
 

@@ -2,10 +2,12 @@
 
 import pytest
 
-from pivident.estimation.literature.filters.central_difference_kalman import CentralDifferenceKalman
-from pivident.estimation.literature.filters.extended_kalman import ExtendedKalman
+from pivident.estimation.literature.filters.kalman_filters import (
+    CentralDifferenceKalman,
+    ExtendedKalman,
+    UnscentedKalman,
+)
 from pivident.estimation.literature.filters.particle_filter import Particles
-from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
 from pivident.experiment.identify_table import IdentifyEntry, method_of
 from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.studies.friction_laws.law_choice import choose_laws

@@ -7,12 +7,14 @@ import pytest
 
 from pivident.estimation.identification_file import method_of_options
 from pivident.estimation.identify import identify
-from pivident.estimation.literature.filters.central_difference_kalman import CentralDifferenceKalman
-from pivident.estimation.literature.filters.extended_kalman import ExtendedKalman
 from pivident.estimation.literature.filters.filter_setup import acting_torques
+from pivident.estimation.literature.filters.kalman_filters import (
+    CentralDifferenceKalman,
+    ExtendedKalman,
+    UnscentedKalman,
+)
 from pivident.estimation.literature.filters.particle_filter import Particles
 from pivident.estimation.literature.filters.state_filter import windows_covariance
-from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
 from pivident.estimation.methods import METHODS
 from pivident.foundation.errors import ExperimentError, FilterDiverged
 from pivident.judgement.validation.held_out.cross_validation import cross_validate

@@ -5,9 +5,11 @@ import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.estimation.literature.filters import KalmanFilter
-from pivident.estimation.literature.filters.central_difference_kalman import CentralDifferenceKalman
-from pivident.estimation.literature.filters.extended_kalman import ExtendedKalman
-from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
+from pivident.estimation.literature.filters.kalman_filters import (
+    CentralDifferenceKalman,
+    ExtendedKalman,
+    UnscentedKalman,
+)
 from pivident.robot.gallery import load_robot
 from tests.estimation.literature.filters.scenes import RATE, slide
 

@@ -13,10 +13,12 @@ from pivident.estimation.literature.filters import (
     RecursiveInstruments,
     RecursiveLeastSquares,
 )
-from pivident.estimation.literature.filters.central_difference_kalman import CentralDifferenceKalman
-from pivident.estimation.literature.filters.extended_kalman import ExtendedKalman
+from pivident.estimation.literature.filters.kalman_filters import (
+    CentralDifferenceKalman,
+    ExtendedKalman,
+    UnscentedKalman,
+)
 from pivident.estimation.literature.filters.robot_equations import robot_equations
-from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
 from pivident.foundation.errors import ExperimentError, FilterDiverged, IdentificationError
 from pivident.robot.friction import FrictionLaw, dahl, viscous
 from pivident.robot.gallery import load_robot

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from pivident.estimation.literature.filters import KalmanFilter
-from pivident.estimation.literature.filters.central_difference_kalman import CentralDifferenceKalman
+from pivident.estimation.literature.filters.kalman_filters import (
+    CentralDifferenceKalman,
+    UnscentedKalman,
+)
 from pivident.estimation.literature.filters.triangular import cholesky, lower_factor, update_factor
-from pivident.estimation.literature.filters.unscented_kalman import UnscentedKalman
 from tests.estimation.literature.filters.scenes import RATE, planar_problem
 
 

@@ -221,8 +221,7 @@ def sqlite_messages(path: Path) -> Iterator[Message]:
         )
     try:
         with contextlib.closing(_database(path)) as database:
-            topics = _sqlite_topics(path, database)
-            yield from _sqlite_rows(path, database, topics)
+            yield from _sqlite_rows(path, database, _sqlite_topics(path, database))
     except (sqlite3.Error, OverflowError, UnicodeDecodeError) as error:
         raise _damaged(path, str(error)) from error
 

@@ -181,8 +181,7 @@ class _Walk:
             if entry.count is None:
                 self._single(entry.type, below)
             else:
-                count = self._length() if entry.count < 0 else entry.count
-                self._array(entry.type, count, below)
+                self._array(entry.type, self._length() if entry.count < 0 else entry.count, below)
 
     def _single(self, type_name: str, path: Path | None) -> None:
         """One value."""

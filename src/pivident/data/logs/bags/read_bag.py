@@ -38,7 +38,7 @@ from pivident.data.logs.reader import Reader
 from pivident.data.logs.source_files import bag_files, existing_file
 from pivident.foundation.errors import FileFormatError
 from pivident.foundation.files import regular_file
-from pivident.foundation.text.printable import escaped
+from pivident.foundation.text.identifiers import escaped
 
 #: What reads which kind of file.
 CONTAINERS: dict[str, Callable[[Path], Iterator[Message]]] = {
@@ -117,8 +117,7 @@ def open_bag(path: str | Path) -> Bag:
     """A bag read as a whole. The last one is kept, since names are asked for before columns."""
     path = Path(path)
     files = tuple(bag_files(path)) if path.is_dir() else (existing_file(path),)
-    states = tuple((file, *_state(file)) for file in files)
-    return _opened(path, states)
+    return _opened(path, tuple((file, *_state(file)) for file in files))
 
 
 def _state(file: Path) -> tuple[int, int, int]:
@@ -199,8 +198,7 @@ def _messages(file: Path) -> Iterator[Message]:
 
 def _kind(path: Path) -> str:
     """The ending that names the container, below the one of a packed file."""
-    name = path.name.lower()
-    return Path(name.removesuffix(".zstd").removesuffix(".zst")).suffix
+    return Path(path.name.lower().removesuffix(".zstd").removesuffix(".zst")).suffix
 
 
 #: The reader of bags; a folder with the files of one in it is a bag too.

@@ -119,9 +119,7 @@ def assumed_unit(stamps: np.ndarray) -> str:
     """Seconds, unless only another unit makes a robot's rate of the stamps."""
     steps = np.diff(stamps[np.isfinite(stamps)])
     interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    if not interval > 1.0 / LOWEST_RATE:
-        return "s"
-    return next(iter(likely_time_units(interval)), "s")
+    return next(iter(likely_time_units(interval)), "s") if interval > 1.0 / LOWEST_RATE else "s"
 
 
 def read_clock(

@@ -92,8 +92,7 @@ def with_meanings(preset: Preset, series: Iterable[Series]) -> list[Series]:
         meant = preset.means(_plain(one.words))
         if meant is not None:
             channel, unit = meant["channel"] or None, meant.get("unit")
-            reading = Reading(channel, unit, 1, foreign=channel is None)
-            one = replace(one, reading=reading)
+            one = replace(one, reading=Reading(channel, unit, 1, foreign=channel is None))
         read.append(one)
     return read
 

@@ -243,7 +243,7 @@ def beginning(rows: Sequence[Sequence[str]], is_number: Callable[[str], bool]) -
         return None
     block = [k for k in names if all(n in names for n in range(k, names[-1]))]
     last = block[-1]
-    if len(block) > 1 and _are_units(rows[last]):
+    if len(block) > 1 and all(cell.lower().strip("[](){} ") in _UNITS for cell in rows[last]):
         last = block[-2]
     elif len(block) == 2 and last == first - 1:
         last = block[0]
@@ -272,10 +272,6 @@ def _keyed(
 def _can_be_names(row: Sequence[str], is_number: Callable[[str], bool]) -> bool:
     """Whether the cells differ, no cell is a number, and none but the last is empty."""
     return all(row[:-1]) and len(set(row)) == len(row) and not any(map(is_number, row))
-
-
-def _are_units(row: Sequence[str]) -> bool:
-    return all(cell.lower().strip("[](){} ") in _UNITS for cell in row)
 
 
 def _mostly_numbers(row: Sequence[str], is_number: Callable[[str], bool]) -> bool:

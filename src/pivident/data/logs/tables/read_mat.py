@@ -179,8 +179,7 @@ def array_of(path: Path, variable: Variable) -> np.ndarray:
     numbers = np.dtype(order + stored)
     if length != count * numbers.itemsize or len(content) < at + begin + length:
         raise ValueError(f"{variable.name!r} has {length} bytes for {count} numbers")
-    values = np.frombuffer(content, numbers, count, at + begin)
-    return values.reshape(variable.shape, order="F")
+    return np.frombuffer(content, numbers, count, at + begin).reshape(variable.shape, order="F")
 
 
 def _opened(stream: BinaryIO) -> tuple[str, int]:

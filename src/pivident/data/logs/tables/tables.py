@@ -22,7 +22,7 @@ from pivident.data.logs.reader import Reader
 from pivident.data.logs.source_files import existing_file
 from pivident.foundation.errors import FileFormatError, RecordingError, UnknownColumn
 from pivident.foundation.registry import Registry
-from pivident.foundation.text.printable import is_printable
+from pivident.foundation.text.identifiers import is_printable
 from pivident.robot.naming import near_names, repeated
 
 #: Longest name of a column or an array, in characters.

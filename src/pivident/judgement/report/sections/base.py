@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.estimation.signal_recipes import SignalRecipe
-from pivident.foundation.document.figure import Figure
+from pivident.foundation.document.plot import Figure
 from pivident.judgement.report.report_data import ReportData
 
 

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from pivident.estimation.equation_record import FittedRecording
-from pivident.foundation.document.figure import MEASURED, Figure, colour, empty_plot
-from pivident.foundation.document.plot import Plot
+from pivident.foundation.document.plot import MEASURED, Figure, Plot, colour, empty_plot
 from pivident.judgement.diagnostics.consistent_estimate import (
     CONFIDENCE,
     ConsistentEstimate,

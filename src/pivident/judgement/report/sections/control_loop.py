@@ -22,7 +22,7 @@ from pivident.estimation.control_law.law_equations import (
 from pivident.estimation.control_law.law_gravity import PLACE_TEXTS, JointGravity
 from pivident.estimation.identification import Identification
 from pivident.estimation.signal_recipes import Algebraic, Bandpass
-from pivident.foundation.document.figure import Figure
+from pivident.foundation.document.plot import Figure
 from pivident.foundation.text.numbers import format_significant, plus_minus
 from pivident.judgement.report.frequency_figures import bandwidth_text, loop_figure
 from pivident.judgement.report.identification_figures import law_figure, reference_figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pivident.estimation.identification import Identification
-from pivident.foundation.document.figure import Figure
+from pivident.foundation.document.plot import Figure
 from pivident.judgement.report.frequency_figures import prefilter_figure
 from pivident.judgement.report.identification_figures import change_figure, distance_figure
 from pivident.judgement.report.sections.base import Gallery, Section, sampling_rate

@@ -6,7 +6,7 @@ from typing import Any
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.signal_recipes import Algebraic, Bandpass, Decimated, RandomWalk
-from pivident.foundation.document.figure import Figure
+from pivident.foundation.document.plot import Figure
 from pivident.judgement.report.frequency_figures import (
     bandpass_figure,
     decimation_figure,

@@ -17,7 +17,7 @@ from pivident.estimation.parameter_rows import (
     range_texts,
 )
 from pivident.estimation.summary import name_lines, range_line
-from pivident.foundation.document.figure import Figure, empty_plot
+from pivident.foundation.document.plot import Figure, empty_plot
 from pivident.judgement.report.intervals import interval_drawing
 from pivident.judgement.report.sections.base import Section
 from pivident.judgement.validation.parameter_correlation import (

@@ -6,8 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from pivident.foundation.document.figure import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
-from pivident.foundation.document.plot import LEGEND, Plot, packed
+from pivident.foundation.document.plot import (
+    ERROR,
+    LEGEND,
+    MEASURED,
+    SHADE,
+    Figure,
+    Plot,
+    colour,
+    empty_plot,
+    packed,
+)
 from pivident.foundation.text.numbers import format_significant, percent
 from pivident.judgement.report.identification_figures import residual_figure
 from pivident.judgement.report.sections.base import Section, SignalSection
@@ -51,8 +60,7 @@ def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
         name="95 % of a white residual",
     )
     name = "whitened" if both else "residual"
-    own = ERROR if both else colour(method)
-    _line(plot, white, white.density / level, name, own, 1.4, axis)
+    _line(plot, white, white.density / level, name, ERROR if both else colour(method), 1.4, axis)
     outside = 100.0 * white.outside(level)
     most = int(np.argmax(white.density))
     note = (
@@ -87,9 +95,10 @@ class ResidualsSection(SignalSection):
 
     def context(self) -> dict[str, Any]:
         """The figures, and from which correlation on it matters."""
-        galleries = []
-        for k, tests in enumerate(self.data.diagnostics.residuals.values()):
-            galleries.append(self.gallery(k, *(residual_figure(j, k) for j in tests.joints)))
+        galleries = [
+            self.gallery(k, *(residual_figure(j, k) for j in tests.joints))
+            for k, tests in enumerate(self.data.diagnostics.residuals.values())
+        ]
         return {
             "galleries": galleries,
             "left_out_names": (),
@@ -125,15 +134,14 @@ class TestsSection(Section):
     def context(self) -> dict[str, Any]:
         """Tests by method."""
         diagnostics = self.data.diagnostics
-        entries = []
-        for k, name in enumerate(diagnostics.identifications):
-            entries.append(
-                (
-                    self.data.labels[k],
-                    k,
-                    self.opened(k),
-                    diagnostics.residuals[name],
-                    diagnostics.instruments.get(name),
-                )
+        entries = [
+            (
+                self.data.labels[k],
+                k,
+                self.opened(k),
+                diagnostics.residuals[name],
+                diagnostics.instruments.get(name),
             )
+            for k, name in enumerate(diagnostics.identifications)
+        ]
         return {"entries": entries, "fitted": self.data.fitted}

@@ -12,7 +12,7 @@ from pivident.estimation.output_error.simulation_fit import SimulationFit
 from pivident.estimation.output_error.thinning import POSITIONS, TORQUES, Thinning, means_at
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.summary import held_lines, parameter_texts, simulation_heading
-from pivident.foundation.document.figure import ERROR, MEASURED, Figure, colour, empty_plot, line
+from pivident.foundation.document.plot import ERROR, MEASURED, Figure, colour, empty_plot, line
 from pivident.foundation.text.numbers import format_significant
 from pivident.judgement.report.sections.base import Gallery, Section
 from pivident.judgement.validation.residuals.residual_tests import simulation_whiteness
@@ -77,8 +77,10 @@ def simulation_figure(
         measured, error = own.measured[:, joint], own.errors[POSITIONS][:, joint]
         lines = [("measured", measured, MEASURED, 2.4)]
         lines.append(("simulated", measured - error, colour(method), 1.2))
-        parts.append((f"q [{position}]", lines))
-        parts.append((f"error of q [{position}]", [("error of q", error, ERROR, 1.0)]))
+        parts += [
+            (f"q [{position}]", lines),
+            (f"error of q [{position}]", [("error of q", error, ERROR, 1.0)]),
+        ]
         notes.append(f"positions: rms error {_rms(error)} {position}")
     if TORQUES in own.errors:
         error, unit = own.errors[TORQUES][:, joint], fit.torque_unit
@@ -124,7 +126,7 @@ class SimulationSection(Section):
                     "joints": _joints(identification, simulation),
                     "parameters": [(p, parameter_texts(p)) for p in simulation.loop_parameters],
                     "held": held_lines(simulation),
-                    "compared_to": _bandwidth(identification),
+                    "compared_to": float(identification.options.get("bandwidth", np.nan)),
                     "gallery": self._gallery(k, identification, simulation),
                 }
             )
@@ -173,8 +175,3 @@ def _joints(identification: Identification, simulation: SimulationResult) -> lis
             zip(identification.joints, identification.robot.joints, strict=True)
         )
     ]  # fmt: skip
-
-
-def _bandwidth(identification: Identification) -> float:
-    """Frequency up to which errors are compared [Hz], NaN where it is not known."""
-    return float(identification.options.get("bandwidth", np.nan))

@@ -147,6 +147,5 @@ def widened(found: Identification, share: float | np.ndarray) -> dict[str, np.nd
 
 def without_fold(found: Identification, theta: np.ndarray, **others: Any) -> Identification:
     """An identification with other parameters, without the signals and equations of its own."""
-    motion = found.fitted_range
     own = {"theta": theta, "judged": None} | others
-    return replace(found, recordings=(), motion=motion, equations=None, **own)
+    return replace(found, recordings=(), motion=found.fitted_range, equations=None, **own)

@@ -56,8 +56,7 @@ def moving_part(problem: Problem, kinematics: Kinematics) -> tuple[int, int]:
     """Samples from the first to the last motion of any joint: (start, stop)."""
     limits = problem.low_speeds(kinematics.recording)
     driven = slice(problem.robot.base_joints, None)
-    moves = np.abs(kinematics.dq[driven]) > limits[driven, None]
-    moving = np.flatnonzero(moves.any(axis=0))
+    moving = np.flatnonzero((np.abs(kinematics.dq[driven]) > limits[driven, None]).any(axis=0))
     if not moving.size:
         return kinematics.start, kinematics.stop
     return max(int(moving[0]), kinematics.start), min(int(moving[-1]) + 1, kinematics.stop)

@@ -53,8 +53,7 @@ def log_errors(
 
 def jackknife_spread(left_out: np.ndarray) -> np.ndarray:
     """Standard deviation of the logarithm of values with each block left out, blocks first."""
-    logs = np.log(np.maximum(left_out, 1e-300))
-    return np.sqrt((len(left_out) - 1) * logs.var(axis=0))
+    return np.sqrt((len(left_out) - 1) * np.log(np.maximum(left_out, 1e-300)).var(axis=0))
 
 
 def moving_errors(parts: list[PredictionError]) -> dict[str, LogError]:

@@ -221,8 +221,7 @@ class OutOfSample:
         return [f"Held-out torque error of {piv} over that of {iv}: {self.piv_over_iv}."]
 
     def _warning(self) -> list[str]:
-        first = next(iter(self.results.values()))
-        return [first.warning] if self.training_only else []
+        return [next(iter(self.results.values())).warning] if self.training_only else []
 
     def _advice(self) -> list[str]:
         return [
@@ -473,8 +472,7 @@ def likely_causes(piv: CrossValidation, iv: CrossValidation) -> list[str]:
 
 def _contradictions(a: Identification, b: Identification) -> str:
     """The parameters in which two estimates differ most, in their standard errors."""
-    spread = np.hypot(a.free_std, b.free_std)
-    distance = np.abs(a.theta - b.theta) / np.maximum(spread, 1e-300)
+    distance = np.abs(a.theta - b.theta) / np.maximum(np.hypot(a.free_std, b.free_std), 1e-300)
     most = [k for k in np.argsort(-distance)[:3] if distance[k] > CONTRADICTION]
     if not most:
         return ""

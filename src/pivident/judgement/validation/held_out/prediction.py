@@ -98,8 +98,7 @@ class PredictionError(Displayed):
     @property
     def total_moving_in_band(self) -> float:
         """Error over all joints, below ``band``, without what standstill adds to it [%]."""
-        moving = self.moving_in_band * self.torque_in_band / 100.0
-        return self._total(moving, self.torque_in_band)
+        return self._total(self.moving_in_band * self.torque_in_band / 100.0, self.torque_in_band)
 
     @property
     def typical_moving_in_band(self) -> float:
@@ -252,7 +251,7 @@ class Judge:
         known = np.sqrt(np.maximum(valid.mean(axis=0), 1.0 / len(valid)))
         return PredictionError(
             joint_names=self.recording.joint_names,
-            units=tuple("N m" if j.kind == "revolute" else "N" for j in robot.joints),
+            units=tuple(joint.torque_unit for joint in robot.joints),
             rms=_rms(residual) / known,
             torque=_rms(self.kinematics.tau.T[span]),
             rms_in_band=_rms(low) / known,
@@ -275,8 +274,7 @@ class Judge:
         """
         slow = LOW_SPEED * rated_speeds(robot, self.recording)
         still = ~SpeedLimits(slow, robot.couplings).moving(self.kinematics.dq[:, span])
-        beside = round(0.5 * self.recording.rate / self.band)
-        return within(still.T, beside)
+        return within(still.T, round(0.5 * self.recording.rate / self.band))
 
 
 def within(chosen: np.ndarray, reach: int) -> np.ndarray:

@@ -144,6 +144,17 @@ def reading(significant: bool, matters: bool) -> str:
     return f"significant{' and of' if matters else ', but of no'} practical size"
 
 
+class WithProbability:
+    """A test by one probability, which is its `p_value`."""
+
+    p_value: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether the probability is below ``SIGNIFICANCE``."""
+        return self.p_value < SIGNIFICANCE
+
+
 @dataclass(frozen=True)
 class LjungBoxTest:
     """Test for whiteness."""
@@ -190,24 +201,20 @@ class LjungBoxTest:
 
 
 @dataclass(frozen=True)
-class DurbinWatsonTest:
+class DurbinWatsonTest(WithProbability):
     """Durbin and Watson's d = Σ (x_i - x_{i+1})² / Σ x_i², about 2 (1 - ρ_1)."""
 
     statistic: float  # d, 2 for a white residual, below it for a positive correlation
     samples: int  # n
     #: two-sided probability of a d farther from 2 for a white residual, by the normal limit; NaN
-    #: behind a noise model, which makes ρ_1 small whatever the noise is (Durbin 1970).
+    #: behind a noise model, which makes ρ_1 small whatever the noise is (Durbin 1970): there it is
+    #: never significant.
     p_value: float
 
     @property
     def correlation(self) -> float:
         """Correlation of neighbours, 1 - d/2."""
         return 1.0 - 0.5 * self.statistic
-
-    @property
-    def significant(self) -> bool:
-        """Whether the probability is below ``SIGNIFICANCE``; never behind a noise model."""
-        return self.p_value < SIGNIFICANCE
 
     @property
     def matters(self) -> bool:

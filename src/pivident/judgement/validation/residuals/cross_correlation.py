@@ -29,22 +29,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pivident.estimation.solved_equations import Equations
 from pivident.foundation.distributions import chi_square, fisher
 from pivident.judgement.validation.residuals.autocorrelation import (
-    SIGNIFICANCE,
+    WithProbability,
     probability,
     reading,
     variance_factor,
 )
 from pivident.loop.motion.motion import MOTION_BAND
 from pivident.signals.noise_models import LaggedSums
-
-if TYPE_CHECKING:
-    from pivident.estimation.solved_equations import Equations
 
 #: Shifts of the instruments in the test, in stretches.
 SHIFTS = (-1, 1)
@@ -62,7 +59,7 @@ PRACTICAL_RATIO = 1.8
 
 
 @dataclass(frozen=True, eq=False)
-class CrossCorrelationTest:
+class CrossCorrelationTest(WithProbability):
     """Residual of one joint against its instruments."""
 
     statistic: float  # F
@@ -87,11 +84,6 @@ class CrossCorrelationTest:
     def largest_column(self) -> str:
         """Parameter whose instrument it is."""
         return self.columns[int(np.argmax(np.abs(self.rho).max(axis=1)))]
-
-    @property
-    def significant(self) -> bool:
-        """Whether the probability is below ``SIGNIFICANCE``."""
-        return self.p_value < SIGNIFICANCE
 
     @property
     def matters(self) -> bool:
@@ -233,7 +225,7 @@ def _correlation(records: list[Stretches], lag: int) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class VarianceTest:
+class VarianceTest(WithProbability):
     """Test for a variance that changes with the motion."""
 
     statistic: float  # n R² / F₂
@@ -254,11 +246,6 @@ class VarianceTest:
     def ratio(self) -> float:
         """Its ratio of variances."""
         return self.ratios[self.driver]
-
-    @property
-    def significant(self) -> bool:
-        """Whether the probability is below ``SIGNIFICANCE``."""
-        return self.p_value < SIGNIFICANCE
 
     @property
     def matters(self) -> bool:

@@ -241,8 +241,7 @@ def model_error_by_held_out_blocks(validation: CrossValidation) -> ModelError:
         moving = [e.samples * (e.rms_in_band[j] ** 2 - e.rest_in_band[j] ** 2) for e in errors]
         total = np.maximum(moving, 0.0)
         noise = np.minimum([e.samples * e.noise_in_band[j] ** 2 for e in errors], total)
-        samples = sum(e.samples for e in errors)
-        joints.append(_joint(name, unit, noise, total, samples))
+        joints.append(_joint(name, unit, noise, total, sum(e.samples for e in errors)))
     return ModelError(
         validation.method,
         "held-out blocks",

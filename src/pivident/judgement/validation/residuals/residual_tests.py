@@ -28,11 +28,11 @@ from pivident.judgement.validation.residuals.autocorrelation import (
     EXTRA_LAGS,
     MIN_LAGS,
     MIN_SAMPLES,
-    SIGNIFICANCE,
     Autocorrelation,
     DurbinWatsonTest,
     JointResidual,
     LjungBoxTest,
+    WithProbability,
     autocorrelation,
     durbin_watson,
     joint_residuals,
@@ -56,7 +56,7 @@ PRACTICAL_KURTOSIS = 1.0
 
 
 @dataclass(frozen=True)
-class NormalityTest:
+class NormalityTest(WithProbability):
     """Test for a normal distribution."""
 
     statistic: float  # K²
@@ -65,11 +65,6 @@ class NormalityTest:
     skewness: float  # third standardised moment, 0 for a normal residual
     excess_kurtosis: float  # fourth standardised moment minus 3, 0 for a normal residual
     samples: int  # n
-
-    @property
-    def significant(self) -> bool:
-        """Whether the probability is below ``SIGNIFICANCE``."""
-        return self.p_value < SIGNIFICANCE
 
     @property
     def matters(self) -> bool:
@@ -294,8 +289,7 @@ def _drivers(identification: Identification, j: int) -> np.ndarray:
     parts = []
     for r in identification.recordings:
         used = np.isfinite(r.whitened[:, j])
-        signals = (r.dq[used, j], r.ddq[used, j], r.tau_model[used, j])
-        parts.append(np.abs(np.column_stack(signals)))
+        parts.append(np.abs(np.column_stack((r.dq[used, j], r.ddq[used, j], r.tau_model[used, j]))))
     return np.concatenate(parts)
 
 

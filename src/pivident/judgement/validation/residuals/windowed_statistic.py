@@ -80,8 +80,7 @@ def windowed_statistic(
         by_trace = windows < WINDOWS_PER_DIRECTION * directions
     form = _trace_form if by_trace else _hotelling
     statistic, degrees = form(value, centred, windows)
-    p_value = float(fisher.sf(statistic, *degrees))
-    return WindowedStatistic(statistic, directions, degrees, p_value)
+    return WindowedStatistic(statistic, directions, degrees, float(fisher.sf(statistic, *degrees)))
 
 
 def _hotelling(

@@ -160,7 +160,7 @@ class ResultsFolder:
         """All rows of all shards, in the order of their names."""
         pl = require("polars", extra="tables", purpose="a folder of many results")
         frames = []
-        for shard in self._shard_files():
+        for shard in sorted(p for p in self.shards.glob("*.parquet") if not p.name.startswith(".")):
             try:
                 wanted = None if columns is None else list(columns)
                 frames.append(pl.read_parquet(shard, columns=wanted))
@@ -174,9 +174,6 @@ class ResultsFolder:
             return pl.concat(frames, how="diagonal")  # shards of older programs have fewer columns
         schema = self.schema()
         return pl.DataFrame(schema={name: schema[name] for name in columns or schema})
-
-    def _shard_files(self) -> list[Path]:
-        return sorted(p for p in self.shards.glob("*.parquet") if not p.name.startswith("."))
 
     def _check(self, manifest: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
         from pivident.foundation.version import __version__

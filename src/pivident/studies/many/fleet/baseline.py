@@ -249,8 +249,7 @@ class _Regression:
     ) -> None:
         self.robot, self.robots, self.y, self.s = robot, robots, y, s
         self.t = np.zeros_like(y) if t is None else t
-        ones = np.ones_like(y)
-        within = self.t - self.means(self.t, ones)[robot]
+        within = self.t - self.means(self.t, np.ones_like(y))[robot]
         present = int((np.bincount(robot, minlength=robots) > 0).sum())
         # a slope needs different temperatures within a robot, and a spare degree of freedom
         self.warm = t is not None and bool(np.ptp(within) > 0.0) and y.size - present > 1

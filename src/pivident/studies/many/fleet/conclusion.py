@@ -14,8 +14,16 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from pivident.foundation.document.figure import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
-from pivident.foundation.document.plot import LEGEND, Plot
+from pivident.foundation.document.plot import (
+    ERROR,
+    LEGEND,
+    MEASURED,
+    SHADE,
+    Figure,
+    Plot,
+    colour,
+    empty_plot,
+)
 from pivident.foundation.text.numbers import with_spread
 from pivident.foundation.text.plain_values import plain
 from pivident.foundation.text.sentences import plural

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.experiment.missing_torque import TEMPERATURE, without_temperature
@@ -83,8 +82,7 @@ def identify_log(task: Task, log: FleetLog) -> list[Row]:
         problem, temperatures = _problem(template, log)
         found = explained_identify(problem, template.method)
     except Exception as error:
-        seconds = time.perf_counter() - begin
-        return [common | {"computed": time.time()} | failure(error, seconds)]
+        return [common | {"computed": time.time()} | failure(error, time.perf_counter() - begin)]
     common |= {
         "computed": time.time(),
         "converged": bool(found.converged),
@@ -116,15 +114,9 @@ def _problem(template: Template, log: FleetLog) -> tuple[Problem, np.ndarray | N
     recordings = experiment.recordings()
     temperatures = None
     if template.fleet.temperature is not None:
-        temperatures = _mean_temperatures(recordings)
+        temperatures = np.concatenate([r.inputs[TEMPERATURE] for r in recordings]).mean(axis=0)
         recordings = tuple(without_temperature(r) for r in recordings)
     return experiment.problem(recordings=recordings), temperatures
-
-
-def _mean_temperatures(recordings: tuple[Recording, ...]) -> np.ndarray:
-    """Mean over all samples, shape (joints,), in the unit of the log."""
-    every = np.concatenate([r.inputs[TEMPERATURE] for r in recordings])
-    return every.mean(axis=0)
 
 
 def _parameters(found: Identification, temperatures: np.ndarray | None) -> list[Row]:
@@ -325,10 +317,9 @@ def identify_fleet(
             if len(store.programs()) > 1:
                 say(f"{title}: {CHANGED}")
         if missing:
-            runner = Runner(
+            Runner(
                 Task.of(template), store, pool, work, lost_log, title, len(logs), say, "logs"
-            )
-            runner.compute(missing)
+            ).compute(missing)
         rows = store.rows(digests)
     return Fleet(template, tuple(logs), axis, rows, store)
 

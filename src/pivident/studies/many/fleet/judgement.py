@@ -93,8 +93,7 @@ def parameter_table(fleet: Fleet) -> pl.DataFrame:
         schema_overrides={"time": pl.String},
     ).with_row_index("order")
     table = fleet.rows.with_columns(pl.int_range(pl.len()).alias("row"))
-    joined = logs.join(table, on="task", how="inner").sort("order", "row")
-    return joined.drop("order", "row")
+    return logs.join(table, on="task", how="inner").sort("order", "row").drop("order", "row")
 
 
 def promise(judgement: Judgement) -> str:

@@ -16,6 +16,7 @@ distinguishes logs, and ``*`` for a part that does not:
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -69,7 +70,6 @@ class FleetLog:
         ]
         if len(hashes) == 1:
             return hashes[0][1]
-        import hashlib
 
         return hashlib.sha256("\n".join(f"{k} {h}" for k, h in hashes).encode()).hexdigest()
 
@@ -227,8 +227,7 @@ def find_logs(
         names = names if ROBOT in names else (ROBOT, *names)
         keys = {key: one.matches(files, folder.absolute().name) for key, one in compiled.items()}
         named_time = time or next((name for name in TIMES if name in names), None)
-    chosen = _chosen(names, together, named_time)
-    logs = _grouped(folder, keys, chosen)
+    logs = _grouped(folder, keys, _chosen(names, together, named_time))
     if not logs:
         wanted = "readable log" if pattern == EVERY_LOG else f"file that matches {pattern!r}"
         example = f"; there is {files[0]!r}, for example" if files else "; it has no files"

@@ -77,8 +77,7 @@ class Template:
         """The experiment of one log."""
         (entry,) = self.content.recording
         if self.fleet.temperature is not None:
-            joints = self.experiment.robot.size
-            entry = with_input(entry, self.fleet.temperature, joints)
+            entry = with_input(entry, self.fleet.temperature, self.experiment.robot.size)
         entries = []
         for record in log.records:
             files = {key: str(Path(path).absolute()) for key, path in record}
@@ -121,7 +120,6 @@ def load_template(path: str | Path) -> Template:
     """Read and check the experiment file of a fleet; no log is read yet."""
     path = Path(path)
     with errors_name(path, ""):
-        content = toml_content(path)
-        template = Template(path, checked(as_template(plain_form(content)), FleetFile))
+        template = Template(path, checked(as_template(plain_form(toml_content(path))), FleetFile))
     template.method, template.experiment.robot  # noqa: B018 - making them checks
     return template

@@ -313,9 +313,7 @@ class Bench:
             number: of the start.
         """
         entry = self.scenario.content.start
-        values = self.true_values
-        if entry.spread:
-            values = self._perturbed(number, entry.spread)
+        values = self._perturbed(number, entry.spread) if entry.spread else self.true_values
         return {
             p.name: float(value * (entry.friction if p.friction or p.coupling else entry.inertia))
             for p, value in zip(self.heads, values, strict=True)

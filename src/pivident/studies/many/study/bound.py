@@ -21,6 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cholesky, solve_toeplitz, solve_triangular, toeplitz
 
 from pivident.loop.motion.motion import central_differences
 from pivident.loop.simulation.controllers import inverse_controller
@@ -55,8 +56,7 @@ def efficiency_bounds(bench: Bench) -> Bounds:
     inner = bench.regressor.inner(*motion, bench.expected)
     packed = bench.regressor.packed(*motion, inner=inner)
     sensor = np.broadcast_to(np.asarray(noise.torque, float), (n,)) ** 2
-    through = loop_noise(bench)
-    equation = sensor[:, None] * (np.arange(ORDER + 1) == 0) + through
+    equation = sensor[:, None] * (np.arange(ORDER + 1) == 0) + loop_noise(bench)
     return Bounds(
         _standard_errors(bench, packed, equation) if (equation[:, 0] > 0).all() else None,
         _standard_errors(bench, packed, sensor[:, None]) if (sensor > 0).all() else None,
@@ -89,7 +89,6 @@ def whitened(columns: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     Exact for the first samples, by the inverse of a Cholesky factor; an autoregression for the
     others.
     """
-    from scipy.linalg import cholesky, solve_toeplitz, solve_triangular, toeplitz
     from scipy.signal import oaconvolve
 
     order = covariance.size - 1

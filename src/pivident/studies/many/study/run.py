@@ -188,8 +188,7 @@ def run_study(
         work = execute if executor is not None else execute_alone
         if missing:
             task = Task.of(scenario, series)
-            runner = Runner(task, store, pool, work, lost_rows, scenario.title, total, say)
-            runner.compute(missing)
+            Runner(task, store, pool, work, lost_rows, scenario.title, total, say).compute(missing)
     return store
 
 

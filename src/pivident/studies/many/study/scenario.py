@@ -218,8 +218,6 @@ def load_scenario(name: str | Path) -> Scenario:
         return read_scenario(text, path.stem, str(path))
     known = shipped_scenarios()
     if str(name) not in known:
-        from pivident.robot.naming import nearest
-
         raise ExperimentError(
             f"there is no scenario {str(name)!r}",
             advice=f"{nearest(str(name), known)}, or name a .toml file",

@@ -207,8 +207,7 @@ def reference_of(
     if entry.type != "fourier":
         reach = reach_of(entry, robot.size)
         count = POSTURES + int(entry.duration / MIN_MOVE)
-        rng = np.random.default_rng(seed)
-        postures = rng.uniform(-reach, reach, (count, robot.size))
+        postures = np.random.default_rng(seed).uniform(-reach, reach, (count, robot.size))
         speeds = entry.speed * robot.rated_speeds
         if entry.type == "point_to_point":
             return point_to_point(postures, speeds, rate, samples, entry.dwell)

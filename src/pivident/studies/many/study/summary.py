@@ -28,7 +28,7 @@ import numpy as np
 from pivident.foundation.distributions import student
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.extras import require
-from pivident.foundation.text.plain_table import plain_table
+from pivident.foundation.text.numbers import plain_table
 from pivident.foundation.text.plain_values import plain
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.many.study.bound import Bounds, efficiency_bounds
@@ -361,8 +361,10 @@ def summary_text(summary: Summary) -> str:
     ]
     lines = [plain_table(table)]
     for name, m in summary.methods.items():
-        for error, count in m.errors.items():
-            lines.append(f"{name}: {count} run(s) ended with {error}: {m.messages[error]}")
+        lines += [
+            f"{name}: {count} run(s) ended with {error}: {m.messages[error]}"
+            for error, count in m.errors.items()
+        ]
         if m.not_converged:
             lines.append(f"{name}: {m.not_converged} estimate(s) did not converge")
     note = (
