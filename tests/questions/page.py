@@ -32,11 +32,12 @@ is estimated, and reports what is wrong, where, and what to change. Below are it
 to {number} mistakes, sorted by where they are made; each of them is a test. Numbers are those of a
 small arm with two joints, `shoulder` and `elbow`.
 
-The exit code is 0 without errors, 1 if an identification would stop, 4 if it would run,
-but something seems wrong. `--robot NAME` checks with another robot, `--json` prints everything for programs. The
-check also prints what it has examined, and which parameters would be estimated from what, with
-which methods, in about what time (to a factor of two, on one processor; compiling is listed
-separately). A log with gaps is examined between them, and the plan covers the stretches that are
+The exit code is 0 without errors, 1 if an identification would stop, 4 if it would run, but
+something seems wrong. `--robot NAME` checks with another robot, `--json` prints everything for
+programs. The check also prints what it has examined, and which parameters would be estimated from
+what, with which methods, in about what time (to a factor of two, on one processor; compiling is
+listed separately). A log with gaps is examined between them, and the plan covers the stretches that
+are
 left. In Python: `pivident.experiment.check_experiment("my_robot.toml")`.
 """
 
