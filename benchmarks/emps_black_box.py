@@ -68,6 +68,9 @@ DEGREES, LAGS, TERMS = (1, 2, 3), (1, 2, 3, 4), (2, 3, 4, 6, 8, 12, 16)
 BEFORE = 4
 AROUND = np.arange(-BEFORE, 2)
 
+#: Structures of each kind that are shown.
+SHOWN = 10
+
 #: Length of the record in halves: a drift grows with it.
 LONGER = 2.0
 
@@ -325,41 +328,48 @@ def held_out(structure: Structure, record: Recording) -> np.ndarray:
         return np.full(2, np.inf)
 
 
-def choose(kind: str, structures: Sequence[Structure], record: Recording) -> Structure:
+def choose(
+    kind: str, structures: Sequence[Structure], record: Recording
+) -> tuple[Structure, list[Structure]]:
     """The structure with the smallest held-out error that the whole record bears out.
 
-    The first ten are printed.
+    Result: what was chosen, and the ``SHOWN`` ones with the smallest errors, which are printed.
     """
     tried = [(held_out(own, record), own) for own in structures]
     tried.sort(key=lambda trial: rms(trial[0]))
     print(f"{kind}, {len(tried)} structures: held-out error, that of each half [mm]")
-    for each, own in tried[:10]:
+    for each, own in tried[:SHOWN]:
         print(f"  {own.title:70} {rms(each):8.2f}   {each[0]:8.2f} {each[1]:8.2f}", flush=True)
-    return next(own for each, own in tried if _left(own, record) <= LONGER * rms(each))
+    chosen = next(own for each, own in tried if score(own, record, record) <= LONGER * rms(each))
+    return chosen, [own for _, own in tried[:SHOWN]]
 
 
-def _left(structure: Structure, record: Recording) -> float:
-    """Error on the record that a structure is fitted to [mm]."""
-    whole = Stretch(0, len(record.q))
-    return rms(errors(structure, fitted(structure, record, whole), record, whole)[GIVEN:])
+def score(structure: Structure, fitted_to: Recording, record: Recording) -> float:
+    """Error of one free run over a record after its given samples [mm]."""
+    model = fitted(structure, fitted_to, Stretch(0, len(fitted_to.q)))
+    return rms(errors(structure, model, record, Stretch(0, len(record.q)))[GIVEN:])
 
 
-def main(score: bool) -> None:
-    """Choose each kind on the training record; then, if asked, open the test record and score."""
+def main(scored: bool) -> None:
+    """Choose each kind on the training record; then, if asked, open the test record and score.
+
+    The scores of those that were not chosen show how much of the chosen one's is luck.
+    """
     train = load_emps()
     kinds = {"linear state space": state_spaces(), "NARX": narx_models()}
-    chosen = {kind: choose(kind, structures, train) for kind, structures in kinds.items()}
-    records = [train, load_emps_pulses()] if score else [train]
+    found = {kind: choose(kind, structures, train) for kind, structures in kinds.items()}
+    records = [train, load_emps_pulses()] if scored else [train]
     print("kind, coefficients, training record, test record [mm], processor time of the fit [s]")
-    for kind, own in chosen.items():
-        begin = process_time()
-        model = fitted(own, train, Stretch(0, len(train.q)))
-        time = process_time() - begin
-        scores = [rms(errors(own, model, r, Stretch(0, len(r.q)))[GIVEN:]) for r in records]
-        shown = " ".join(f"{value:8.2f}" for value in scores)
-        print(f"{kind:20} {len(own.names):3} {shown} {time:8.3f}   {own.title}")
+    for kind, (chosen, first) in found.items():
+        for own in dict.fromkeys([chosen, *first]):
+            begin = process_time()
+            fitted(own, train, Stretch(0, len(train.q)))
+            time = process_time() - begin
+            shown = " ".join(f"{score(own, train, record):8.2f}" for record in records)
+            mark = "→" if own is chosen else " "
+            print(f"{mark} {kind:20} {len(own.names):3} {shown} {time:8.3f}   {own.title}")
 
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")  # of structures that diverge
-    main(score="--score" in sys.argv)
+    main(scored="--score" in sys.argv)
