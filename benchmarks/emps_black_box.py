@@ -350,6 +350,11 @@ def score(structure: Structure, fitted_to: Recording, record: Recording) -> floa
     return rms(errors(structure, model, record, Stretch(0, len(record.q)))[GIVEN:])
 
 
+def repeated(train: Recording, test: Recording) -> float:
+    """Score of no model at all: the positions of one record in place of those of the other [mm]."""
+    return 1e3 * rms((train.q - test.q)[GIVEN:])
+
+
 def main(scored: bool) -> None:
     """Choose each kind on the training record; then, if asked, open the test record and score.
 
@@ -368,6 +373,8 @@ def main(scored: bool) -> None:
             shown = " ".join(f"{score(own, train, record):8.2f}" for record in records)
             mark = "→" if own is chosen else " "
             print(f"{mark} {kind:20} {len(own.names):3} {shown} {time:8.3f}   {own.title}")
+    if scored:
+        print(f"positions of the training record, replayed: {repeated(*records):.3f} mm")
 
 
 if __name__ == "__main__":
