@@ -6,10 +6,10 @@ the largest tenth of the runs. A closed loop has a law with a memory, whose stat
 beginning alone: it is simulated from there (`Replay`), and its error at a horizon is that of the
 record up to then.
 
-* EMPS, fitted on one record, simulated on the other one. The open loop begins at the state that the
-  first 20 samples of a run give, which are not counted, as `emps_leaderboard` scores it; the law
-  that it chose, fitted over the record and over moves, beside the published values. The closed loop
-  has the known law.
+* EMPS, fitted on one record, simulated on the other one (of the same motion). The open loop begins
+  at the state that the first 20 samples of a run give, which are not counted, as
+  `emps_leaderboard` scores it; the law that it chose, fitted over the record and over moves, beside
+  the published values. The closed loop has the known law.
 * TX40, examples/staubli_tx40, fitted on the same motion. The log holds neither law nor reference.
   The recorded torques drive it, alone, or with a virtual law of 10 Hz that leads it back to the
   smoothed motion: how near depends on that law, how it goes on with the horizon does not.
@@ -211,7 +211,7 @@ def drawn(curves: Sequence[Curve], file: Path) -> None:
             axes.fill_between(horizons, low, high, color=colour, alpha=0.12, linewidth=0)
         axes.set_xlabel("horizon [s]")
         axes.set_ylabel(f"simulated less measured position, rms [{unit}]")
-        axes.set_title("EMPS, motion not fitted" if unit == "mm" else "arms, motion fitted")
+        axes.set_title("EMPS, record not fitted" if unit == "mm" else "arms, record fitted")
         axes.grid(True, color="#e6e6e6", linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend(frameon=False, fontsize=8)
