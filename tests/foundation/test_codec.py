@@ -202,6 +202,21 @@ FILES = sorted(STORED.glob("*.json"))
 assert FILES, STORED
 
 
+def test_options_that_were_renamed_are_read(tmp_path):
+    """`horizon` of fitted simulations was called segment."""
+    content = json.loads((STORED / "identification-simulated.json").read_text("utf-8"))
+    del content["simulation"]["horizon"]
+    for value in (None, 1.5):
+        content["options"]["segment"] = value
+        content["options"]["loop"] = "open" if value else "closed"
+        content["kind"] = "oloe" if value else "cloe"
+        content["options"]["free"] = [] if value else content["options"]["free"]
+        old = tmp_path / "old.json"
+        old.write_text(json.dumps(content), "utf-8")
+        method = load_identification(old).method_used
+        assert method is not None and method.horizon == value
+
+
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
 def test_stored_files_are_read_and_written_byte_for_byte(file):
     found, text = read(file), file.read_text(encoding="utf-8")

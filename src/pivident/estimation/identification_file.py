@@ -219,7 +219,11 @@ def method_of_options(options: Mapping[str, Any], kind: str | None, label: str) 
         kind: name of a method of the same class; None: files of schema 3 and before do not say it.
         label: name of the result.
     """
-    values = {key: value for key, value in options.items() if key not in ("mask", "regressor")}
+    values = {  # the horizon was called segment in files of earlier versions
+        "horizon" if key == "segment" else key: value
+        for key, value in options.items()
+        if key not in ("mask", "regressor")
+    }
     if kind is None and options.get("regressor") == "simulated":
         kind = "didim"
     try:
