@@ -16,7 +16,7 @@ SOURCE = REPOSITORY / "src"
 ROOMS = {
     "foundation": (
         "version", "text", "errors", "extras", "registry", "options", "files", "codec",
-        "scratch",
+        "scratch", "golden_section",
         "progress", "threads", "distributions", "document", "compiled", "common_work",
     ),
     "robot": (".",),

@@ -96,8 +96,8 @@ class Column:
 
     def written(self) -> list[Any]:
         """The values in a file: what is not known is empty, no text is a formula of a sheet."""
-        form, numbers = self.file_format, np.asarray(self.values)
-        values = _plain(self.values)
+        form, values = self.file_format, _plain(self.values)
+        numbers = self.values if isinstance(self.values, np.ndarray) else np.zeros(0, int)
         if form and values and numbers.dtype.kind == "f" and np.isfinite(numbers).all():
             return ("\n".join([form] * len(values)) % tuple(values)).split("\n")  # all in one go
         return [

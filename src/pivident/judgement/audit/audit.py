@@ -18,7 +18,7 @@ from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.foundation.version import __version__
 from pivident.judgement.audit.delay import DELAY, Delay
 from pivident.judgement.audit.examination import Examination, in_turn
-from pivident.judgement.audit.excitation import EXCITATION, Excitation
+from pivident.judgement.audit.excitation import EXCITATION, UNEXPLAINED_TORQUE, Excitation
 from pivident.judgement.audit.gravity import NO_GRAVITY
 from pivident.judgement.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.judgement.audit.log_checks import CHECKS
@@ -36,7 +36,6 @@ from pivident.judgement.audit.speed import DERIVATIVE, check_speeds
 from pivident.judgement.audit.standstill import check_standstill
 from pivident.judgement.audit.steps import CLOCK
 from pivident.judgement.audit.timing import Timing, check_timing
-from pivident.judgement.audit.unexplained import UNEXPLAINED_TORQUE
 
 #: What was read.
 READING = Topic("reading", "What was read")

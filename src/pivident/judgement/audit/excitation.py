@@ -4,6 +4,8 @@ W stacks the equations of all joints, each divided by its residual, with columns
 length. With σ_k the standard error that a parameter would have, and φ_k its column in motions
 that use all of the robot's limits, rms(φ_k) σ_k is the torque that nobody could predict because of
 it. A parameter is weak if that is a large share of the torque.
+
+Before that: joints whose torque no parameters explain, whatever the motion excites.
 """
 
 from __future__ import annotations
@@ -27,6 +29,10 @@ EXCITATION, CHOICE = Topic("excitation", "Excitation"), ("identify", "parameters
 RANK = FindingKind(EXCITATION, "rank", CHOICE)
 WEAK_PARAMETER = FindingKind(EXCITATION, "weak", CHOICE)
 USED = FindingKind(EXCITATION, "used", CHOICE)
+UNEXPLAINED_TORQUE = FindingKind(Topic("model", "Inverse model"), "unexplained", ("robot",))
+
+#: Share of a joint's torque that its inverse model may leave unexplained.
+UNEXPLAINED = 0.5
 
 #: Condition of the scaled matrix above which errors of the model are magnified too much.
 CONDITION = 1e4
@@ -224,4 +230,27 @@ def _findings(
             )
         )
         findings.append(USED.finding("ok", f"{joint.name} uses {shares}.", joint.name))
+    return findings
+
+
+class UnexplainedCheck(LogCheck):
+    """The share of each torque that no parameters explain."""
+
+    name = "model"
+
+    def examine(self, seen: Examination) -> Examination:
+        """See `LogCheck.examine`."""
+        return seen.after(self.name, check_unexplained(seen.model))
+
+
+def check_unexplained(model: InverseModel) -> list[Finding]:
+    """Joints whose torque the inverse model does not explain."""
+    findings = []
+    for joint, error in zip(model.robot.joints, model.relative_errors, strict=True):
+        if not error <= UNEXPLAINED:
+            share = "nothing" if not np.isfinite(error) else f"{100 * (1 - error):.3g} %"
+            text = f"The inverse model explains {share} of the torque of {joint.name}."
+            step = "Check the column, the geometry and the friction law of this joint."
+            evidence = {"unexplained": Quantity(100 * float(error), "%", bound=100 * UNEXPLAINED)}
+            findings.append(UNEXPLAINED_TORQUE.finding("warning", text, joint.name, step, evidence))
     return findings

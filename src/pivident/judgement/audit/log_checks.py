@@ -18,7 +18,7 @@ CHECKS: Registry[LogCheck] = Registry(
         "gravity": "pivident.judgement.audit.gravity:GravityCheck",
         "power": "pivident.judgement.audit.power:PowerCheck",
         "scale": "pivident.judgement.audit.scale:ScaleCheck",
-        "model": "pivident.judgement.audit.unexplained:UnexplainedCheck",
+        "model": "pivident.judgement.audit.excitation:UnexplainedCheck",
         "excitation": "pivident.judgement.audit.excitation:ExcitationCheck",
     },
 )

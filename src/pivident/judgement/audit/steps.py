@@ -57,6 +57,9 @@ FASTEST = 0.75
 #: Spread of m over that of instants that tremble independently, a normal distribution each.
 OF_INSTANTS = 1.81
 
+#: Fewest samples that are looked at.
+FEWEST = 50
+
 #: Fewest clear steps by which the trembling of the instants is judged.
 MIN_STEPS = 50
 
@@ -99,7 +102,7 @@ def unsteady_steps(
     without one that was not it is not. Returns (places, 2): the sample, and the samples lost behind
     it, -1 where it is repeated. ``even``: its `even_steps`, where they are at hand.
     """
-    if len(q) < 50:
+    if len(q) < FEWEST:
         return np.empty((0, 2))
     step, equal = np.diff(q, axis=0), np.ones(len(q) - 1)
     length = equal if t is None or len(t) != len(q) else _lengths(t)
@@ -125,7 +128,7 @@ def hidden_jitter(q: np.ndarray, even: _Steps | None = None) -> float:
 
     Zero where it is below `JITTER_TOLERANCE`, or where no two joints show the same.
     """
-    if len(q) < 50:
+    if len(q) < FEWEST:
         return 0.0
     tremble = (even or even_steps(q)).trembling(common=True) / OF_INSTANTS
     return tremble if tremble > JITTER_TOLERANCE else 0.0
@@ -203,7 +206,7 @@ def check_steps(log: Log, rate: float, stamped: bool) -> list[Finding]:
         stamped: whether it has a regular clock.
     """
     q, clock = log.channels["q"], log.clock
-    even = even_steps(q) if len(q) > 4 else None
+    even = even_steps(q) if len(q) >= FEWEST else None
     findings = _places(log, unsteady_steps(q, clock, even), stamped)
     tremble = hidden_jitter(q, even) if stamped or clock is None else 0.0
     if tremble:

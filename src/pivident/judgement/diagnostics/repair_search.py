@@ -24,6 +24,7 @@ import numpy as np
 
 from pivident.foundation.distributions import student
 from pivident.foundation.errors import PividentError
+from pivident.foundation.golden_section import lowest
 from pivident.foundation.text.repair import (
     Change,
     Edit,
@@ -210,29 +211,9 @@ def _best_factor(
     points = sorted({1.0 / reach, *found, reach})
     beside = points[points.index(best) - 1], points[points.index(best) + 1]
     low, high = np.log(beside)
-    factor = np.exp(_lowest(lambda x: float(scores(np.exp(x)).mean()), low, high, 1e-3))
+    factor = np.exp(lowest(lambda x: float(scores(np.exp(x)).mean()), low, high, 1e-3))
     at_an_end = abs(np.log(factor)) > 0.99 * np.log(reach)  # where no best one is
     return None if at_an_end or 1.0 / NO_GAIN < factor < NO_GAIN else float(factor)
-
-
-def _lowest(f: Callable[[float], float], low: float, high: float, accuracy: float) -> float:
-    """Where a function with one minimum is lowest, by golden sections.
-
-    A few calls more than parabolas would take; to load those takes longer than all of these.
-    """
-    share = 0.5 * (np.sqrt(5.0) - 1.0)
-    left, right = high - share * (high - low), low + share * (high - low)
-    f_left, f_right = f(left), f(right)
-    while high - low > accuracy:
-        if f_left < f_right:
-            high, right, f_right = right, left, f_left
-            left = high - share * (high - low)
-            f_left = f(left)
-        else:
-            low, left, f_left = left, right, f_right
-            right = low + share * (high - low)
-            f_right = f(right)
-    return float(left if f_left < f_right else right)
 
 
 def _of_motion(rows: ReadingRows) -> Iterator[Repair]:

@@ -21,6 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from pivident.foundation.golden_section import lowest
+
 #: Variance of level and slope before the first sample, in units of the noise variance.
 START = 1e7
 
@@ -29,7 +31,6 @@ NARROWEST, WIDEST = 0.002, 4.0
 
 _GRID_POINTS = 25
 _TOLERANCE = 0.03
-_GOLDEN = (math.sqrt(5) - 1) / 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,19 +158,8 @@ def nvr_by_likelihood(
     best = int(np.argmin(costs))
     if best in (0, len(grid) - 1):
         return 10.0 ** float(grid[best]), bool(grid[best] <= low or grid[best] >= high)
-    a, b = float(grid[best - 1]), float(grid[best + 1])
-    c, d = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
-    at_c, at_d = cost(c), cost(d)
-    while b - a > _TOLERANCE:
-        if at_c < at_d:
-            b, d, at_d = d, c, at_c
-            c = b - _GOLDEN * (b - a)
-            at_c = cost(c)
-        else:
-            a, c, at_c = c, d, at_d
-            d = a + _GOLDEN * (b - a)
-            at_d = cost(d)
-    return 10.0 ** (0.5 * (a + b)), False
+    beside = float(grid[best - 1]), float(grid[best + 1])
+    return 10.0 ** lowest(cost, *beside, _TOLERANCE), False
 
 
 def _concentrated(log_f: float, squares: float, freedom: int) -> float:
