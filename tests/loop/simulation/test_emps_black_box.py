@@ -156,6 +156,6 @@ def test_no_narx_model_has_more_terms_than_its_polynomial():
 
 
 @pytest.mark.record
-def test_the_test_record_of_emps_repeats_the_training_motion():
+def test_the_test_record_of_emps_repeats_the_training_motion(public_data):
     """To a tenth of a millimetre, less than any model scores: the page says so."""
     assert repeated(load_emps(), load_emps_pulses()) == pytest.approx(0.093, abs=5e-4)
