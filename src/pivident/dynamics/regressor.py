@@ -54,7 +54,9 @@ class Regressor(Displayed):
     _plan: EntryPlan = field(repr=False)
 
     @classmethod
-    def build(cls, robot: Robot, parameters: Sequence[Parameter]) -> Regressor:
+    def build(
+        cls, robot: Robot, parameters: Sequence[Parameter], probed: bool = True
+    ) -> Regressor:
         """Find the non-zero entries: by the tree's structure, then by probing random states.
 
         A probe decides because geometry hides zeros that the tree does not show (a vertical
@@ -64,6 +66,7 @@ class Regressor(Displayed):
         Args:
             robot: the robot.
             parameters: columns of the observation matrix, in their order.
+            probed: whether random states are asked, which takes longer than a torque or two.
 
         Returns:
             The regressor, which knows where entries can be non-zero.
@@ -77,6 +80,8 @@ class Regressor(Displayed):
             )
         candidates = _possible_entries(robot, parameters)
         everything = cls._from_entries(robot, tuple(parameters), candidates)
+        if not probed:
+            return everything
         q, dq, ddq = np.random.default_rng(20180501).uniform(-2.0, 2.0, (3, robot.size, 64))
         inner = np.zeros((everything.inner_entries.size, 64))
         packed = everything.packed(q, dq, ddq, inner=inner)

@@ -166,9 +166,13 @@ def kept_samples(y: np.ndarray, points: int) -> np.ndarray:
     edges = np.linspace(0, y.size, max(1, (points - 2) // 2) + 1).astype(np.int64)
     start, stop = edges[:-1, None], edges[1:, None]
     at = np.minimum(start + np.arange(np.diff(edges).max()), stop - 1)  # a row for each stretch
-    low, high = (np.where(np.isnan(y), sign * np.inf, y)[at] for sign in (1.0, -1.0))
-    extremes = [low.argmin(axis=1), high.argmax(axis=1)]
-    return np.unique([0, y.size - 1, *(start[:, 0] + extremes).ravel()])
+    unknown = np.isnan(y)
+    low, high = (np.where(unknown, sign * np.inf, y)[at] for sign in (1.0, -1.0))
+    kept = np.zeros(y.size, bool)
+    for place in (low.argmin(axis=1), high.argmax(axis=1)):
+        kept[start[:, 0] + place] = True
+    kept[[0, -1]] = True
+    return np.flatnonzero(kept)
 
 
 def stretches(mask: np.ndarray, t: np.ndarray, pixels: int = 500) -> list[tuple[float, float]]:

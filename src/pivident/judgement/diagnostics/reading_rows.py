@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -144,12 +145,12 @@ class ReadingRows:
         """Mean logarithm of the joints' relative errors in each stretch, from all others."""
         return scores(self.sums)
 
-    def with_gain(self, joint: int, factor: float) -> np.ndarray:
-        """The same with so many times one joint's torque, which may be negative."""
+    def with_gain(self, joint: int, factor: float) -> Sums:
+        """Sums with so many times one joint's torque, which may be negative."""
         gram, right, square = (x.copy() for x in self.sums)
         gram[:, joint] /= factor**2
         right[:, joint] /= factor
-        return scores((gram, right, square))
+        return gram, right, square
 
     def without(self, names: Collection[str]) -> np.ndarray:
         """The same without some parameters."""
@@ -167,11 +168,9 @@ class ReadingRows:
     @cached_property
     def sums(self) -> Sums:
         """Sums of each stretch and joint, torques in units of their own rms."""
-        _, number, count = np.unique(self.block, return_inverse=True, return_counts=True)
-        longest = count.max()  # zeros make all stretches as long, for one product of all
-        begin = np.cumsum(count) - count
-        place = number * longest + np.arange(number.size) - begin[number]
-        shape, size = (count.size, self.robot.size), len(self.regressor.parameters)
+        ends = np.flatnonzero(np.diff(self.block, prepend=-1, append=-1))
+        stretches = [slice(start, stop) for start, stop in pairwise(ends)]
+        shape, size = (len(stretches), self.robot.size), len(self.regressor.parameters)
         gram, right, square = (
             np.zeros((*shape, size, size)),
             np.zeros((*shape, size)),
@@ -182,13 +181,11 @@ class ReadingRows:
         for j in range(self.robot.size):
             if self.like is not None and self._has_torque_of(self.like, j):
                 continue
-            columns = self.regressor.columns_of(j)
-            rows = np.zeros((columns.size + 1, count.size * longest))
-            rows[:, place] = self._rows_of(j)
-            parts = rows.reshape(-1, count.size, longest).transpose(1, 0, 2)
-            products = parts @ parts.transpose(0, 2, 1)
-            gram[:, j, columns[:, None], columns] = products[:, :-1, :-1]
-            right[:, j, columns], square[:, j] = products[:, :-1, -1], products[:, -1, -1]
+            columns, rows = self.regressor.columns_of(j), self._rows_of(j)
+            for k, part in enumerate(stretches):
+                products = rows[:, part] @ rows[:, part].T
+                gram[k, j, columns[:, None], columns] = products[:-1, :-1]
+                right[k, j, columns], square[k, j] = products[:-1, -1], products[-1, -1]
         return gram, right, square
 
     def _has_torque_of(self, other: ReadingRows, joint: int) -> bool:
@@ -216,13 +213,30 @@ def _regressor(robot: Robot, names: tuple[str, ...]) -> Regressor:
 
 def scores(sums: Sums) -> np.ndarray:
     """Mean logarithm of the joints' relative errors in each stretch, shape (stretches,)."""
-    gram, right, square = sums
-    whole = gram.sum(axis=0), right.sum(axis=0), square.sum(axis=0)
-    left = _left(_solved(whole[0].sum(axis=0), whole[1].sum(axis=0)), *whole)
-    weights = whole[2] / np.maximum(left, LEAST**2 * whole[2] + 1e-300)
+    gram, right, _ = sums
+    weights = _weights(sums)
     a, b = sum(w * gram[:, j] for j, w in enumerate(weights)), weights @ right
-    theta = _solved(a.sum(axis=0) - a, b.sum(axis=0) - b)
-    moves = square > STILL * whole[2] / len(gram)
+    return _scores(_solved(a.sum(axis=0) - a, b.sum(axis=0) - b), sums)
+
+
+def fitted_scores(sums: Sums) -> np.ndarray:
+    """The same of the fit to all stretches, a tenth of the work: `scores` are larger."""
+    gram, right, _ = (x.sum(axis=0) for x in sums)
+    weights = _weights(sums)
+    return _scores(_solved(np.tensordot(weights, gram, 1), weights @ right), sums)
+
+
+def _weights(sums: Sums) -> np.ndarray:
+    """Of the joints: the inverse of each one's relative mean square error, shape (joints,)."""
+    gram, right, square = (x.sum(axis=0) for x in sums)
+    left = _left(_solved(gram.sum(axis=0), right.sum(axis=0)), gram, right, square)
+    return np.asarray(square / np.maximum(left, LEAST**2 * square + 1e-300))
+
+
+def _scores(theta: np.ndarray, sums: Sums) -> np.ndarray:
+    """Of parameters, of each stretch or of all."""
+    gram, right, square = sums
+    moves = square > STILL * square.sum(axis=0) / len(gram)
     missed = _left(theta, gram, right, square) / np.where(moves, square, 1.0)
     found = np.where(moves, 0.5 * np.log(np.maximum(missed, LEAST**2)), 0.0)
     return np.asarray(found.sum(axis=1) / np.maximum(moves.sum(axis=1), 1))

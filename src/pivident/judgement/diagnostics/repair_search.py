@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -36,7 +37,13 @@ from pivident.foundation.text.repair import (
     Shifted,
 )
 from pivident.judgement.audit.gain_ratios import gain_ratios, joint_sums
-from pivident.judgement.diagnostics.reading_rows import ReadingRows, mean_error
+from pivident.judgement.diagnostics.reading_rows import (
+    ReadingRows,
+    Sums,
+    fitted_scores,
+    mean_error,
+    scores,
+)
 from pivident.robot.description import Robot
 
 #: Level of all tests of a round together.
@@ -115,12 +122,13 @@ def _ratios(rows: ReadingRows, unverified: Collection[str]) -> Repair | None:
 def _best(rows: ReadingRows) -> Candidate | None:
     """The repair that lowers the error most, and those that do as well."""
     given = rows.scores()
-    tried = [(repair, scores - given) for repair, scores in _tried(rows)]
+    reach = float(given.mean()) + np.log1p(-LEAST_GAIN)
+    tried = list(_tried(rows, reach))
     members = Counter(_kind(repair) for repair, _ in tried)
     kept = [
-        (repair, change)
-        for repair, change in tried
-        if clearly_lower(change, len(members) * members[_kind(repair)])
+        (repair, other - given)
+        for repair, other in tried
+        if other is not None and clearly_lower(other - given, len(members) * members[_kind(repair)])
     ]
     if not kept:
         return None
@@ -157,18 +165,25 @@ def clearly_lower(change: np.ndarray, tried: int, least: float = LEAST_GAIN) -> 
     return float(change.mean()) + reach < np.log1p(-least)
 
 
-def _tried(rows: ReadingRows) -> Iterator[tuple[Repair, np.ndarray]]:
-    """Repairs with the scores of the rows that they make."""
-    for j, name in enumerate(rows.robot.joint_names):
-        yield _torque(name, -1.0), rows.with_gain(j, -1.0)
-        gain = _gain(rows, j)
-        if gain is not None:
-            yield _torque(name, gain), rows.with_gain(j, gain)
-    for repair in _of_motion(rows):
+def _tried(rows: ReadingRows, reach: float) -> Iterator[tuple[Repair, np.ndarray | None]]:
+    """Repairs with the scores that they make; None where not even the fit is below ``reach``."""
+    for repair, made in _repairs(rows):
         try:
-            yield repair, rows.after(repair).scores()
+            sums = made()
+            below = float(fitted_scores(sums).mean()) < reach
+            yield repair, scores(sums) if below else None
         except (PividentError, np.linalg.LinAlgError):
             continue
+
+
+def _repairs(rows: ReadingRows) -> Iterator[tuple[Repair, Callable[[], Sums]]]:
+    """Repairs with what makes their sums."""
+    for j, name in enumerate(rows.robot.joint_names):
+        for gain in (-1.0, _gain(rows, j)):
+            if gain is not None:
+                yield _torque(name, gain), partial(rows.with_gain, j, gain)
+    for repair in _of_motion(rows):
+        yield repair, partial(lambda own: rows.after(own).sums, repair)
 
 
 def _torque(name: str, factor: float) -> Repair:
@@ -180,38 +195,43 @@ def _torque(name: str, factor: float) -> Repair:
 
 def _gain(rows: ReadingRows, joint: int) -> float | None:
     """Factor of a joint's torque with the lowest score, where that is not about one."""
-    return _best_factor(rows, lambda x: rows.with_gain(joint, x), GAINS, GAIN_RANGE)
+    return _best_factor(rows, partial(rows.with_gain, joint), GAINS, GAIN_RANGE)
 
 
 def _clock(rows: ReadingRows) -> float | None:
     """Factor of the times with the lowest score, likewise; a round one where that does as well."""
 
-    def scores(factor: float) -> np.ndarray:
-        return rows.after(_one(Retimed(factor=factor))).scores()
+    def sums(factor: float) -> Sums:
+        return rows.after(_one(Retimed(factor=factor))).sums
 
-    best = _best_factor(rows, scores, CLOCKS, CLOCK_RANGE)
+    best = _best_factor(rows, sums, CLOCKS, CLOCK_RANGE)
     if best is None:
         return None
     nearest = min(CLOCKS, key=lambda factor: abs(np.log(factor / best)))
-    return best if clearly_lower(scores(best) - scores(nearest), 1, 0.0) else nearest
+    gained = scores(sums(best)) - scores(sums(nearest))
+    return best if clearly_lower(gained, 1, 0.0) else nearest
 
 
 def _best_factor(
     rows: ReadingRows,
-    scores: Callable[[float], np.ndarray],
+    sums: Callable[[float], Sums],
     tried: Sequence[float],
     reach: float,
 ) -> float | None:
-    """Factor with the lowest score, where one of some is better than one; None if it is near."""
-    found = {x: float(scores(x).mean()) for x in tried}
-    found[1.0] = float(rows.scores().mean())
+    """Factor that fits best, where one of some is better than one; None if it is near."""
+
+    def score(factor: float) -> float:
+        return float(fitted_scores(sums(factor)).mean())
+
+    found = {x: score(x) for x in tried}
+    found[1.0] = float(fitted_scores(rows.sums).mean())
     best = min(found, key=lambda x: found[x])
     if best == 1.0:
         return None
     points = sorted({1.0 / reach, *found, reach})
     beside = points[points.index(best) - 1], points[points.index(best) + 1]
     low, high = np.log(beside)
-    factor = np.exp(lowest(lambda x: float(scores(np.exp(x)).mean()), low, high, 1e-3))
+    factor = np.exp(lowest(lambda x: score(np.exp(x)), low, high, 1e-3))
     at_an_end = abs(np.log(factor)) > 0.99 * np.log(reach)  # where no best one is
     return None if at_an_end or 1.0 / NO_GAIN < factor < NO_GAIN else float(factor)
 

@@ -53,11 +53,10 @@ FEWEST = 0.25
 MEMORY = 0.5
 #: Periods of the highest frequency that are left out at the ends of a record.
 ENDS = 3.0
-#: Packed columns of the model, shape (entries, samples), and those of all causes, each (joints,
-#: samples) or at a fraction of their rate.
-Columns = tuple[np.ndarray, list[np.ndarray]]
 #: Size below which a number is zero; products of such would be denormal, and slow.
 VANISHING = 1e-150
+#: Every so many samples of a signal are asked first whether it is zero.
+PROBED = 16
 #: Signals that are filtered together, as many as stay in the cache of a processor on the way.
 TOGETHER = 8
 
@@ -150,17 +149,20 @@ class BandRows:
 
         Args:
             signals: one sample for every ``fraction`` of the record's, shape (signals, samples).
-            gain: of the filter.
+            gain: of the filter, or of that of each signal, shape (signals, frequencies).
             fraction: a divisor of ``step``.
         """
         from scipy.fft import irfft, rfft
 
-        length, gain = self.samples // fraction, gain * fraction / self.step
+        length = self.samples // fraction
+        gain = np.broadcast_to(gain * fraction / self.step, (len(signals), gain.shape[-1]))
         rows = np.empty((len(signals), self.at.size))
         for first in range(0, len(signals), TOGETHER):
             some = slice(first, first + TOGETHER)
-            spectrum = rfft(np.asarray(signals[some])[:, :length], length, axis=1)[:, : gain.size]
-            spectrum *= gain
+            spectrum = rfft(np.asarray(signals[some])[:, :length], length, axis=1)[
+                :, : gain.shape[1]
+            ]
+            spectrum *= gain[some]
             kept = irfft(spectrum, self.count, axis=1)[:, self.kept]
             kept[np.abs(kept) < VANISHING] = 0.0
             rows[some] = kept
@@ -204,36 +206,34 @@ class CauseRows:
         measured = self._at(kin, rate, grid, number, began)
         made = measured if motion is None else self._at(motion, rate, grid, number, began)
         residual = thinned(kin.tau, rate, grid.stride) - measured.torque
-        model, causes = self._columns(measured if self.measured else made, made, grid)
+        gains = [rows.gain(self._weight(j, rate, grid.rate)) for j in range(len(residual))]
+        own = measured if self.measured else made
+        model = regressor.packed(
+            own.q, own.dq, own.ddq, inner=regressor.inner(own.q, own.dq, own.ddq, theta)
+        )
+        causes = self._columns(own, made, grid, rows, np.array(gains))
         valid = getattr(motion, "valid", None)
         allowed = np.ones(rows.at.size, bool) if valid is None else valid[:: grid.stride][rows.at]
         used = self._used(number, kin)[:, :: grid.stride]
         known = np.broadcast_to(measured_samples(kin), kin.q.shape)[:, :: grid.stride]
         reaches = [int(np.ceil(periods * grid.rate / self.band)) for periods in (MIXED, SHOWN)]
-        rates = [cause.is_smooth for cause in self.causes for _ in range(cause.count)]
         out: list[JointRows | None] = [None] * self.problem.robot.size
 
         def thin(j: int) -> None:
-            alive = [c for c, column in enumerate(causes) if column[j].any()]
-            smooth = np.array([rates[c] for c in alive], bool)
-            own = model[regressor.offsets[j] : regressor.offsets[j + 1]]
             columns = regressor.columns_of(j)
+            here = [(numbers[joint == j], x[joint == j]) for numbers, joint, x in causes]
             near, far = (without_neighbours(used[j], reach)[rows.at] for reach in reaches)
             free = allowed & known[j][rows.at]
-            gain = rows.gain(self._weight(j, rate, grid.rate))
-            x = np.empty((len(own) + len(alive), rows.at.size))
-            x[: len(own)] = rows.passed(own, gain)
-            for kind, fraction in ((smooth, grid.fraction), (~smooth, 1)):
-                chosen = [causes[c][j] for c, one in zip(alive, kind, strict=True) if one]
-                x[len(own) :][kind] = rows.passed(chosen, gain, fraction)
+            phi = rows.passed(model[regressor.offsets[j] : regressor.offsets[j + 1]], gains[j])
             left, rest = rows.passed(
-                np.vstack([residual[j], np.where(used[j], 0.0, residual[j])]), gain
+                np.vstack([residual[j], np.where(used[j], 0.0, residual[j])]), gains[j]
             )
-            tau = left + theta[columns] @ x[: len(own)]
+            tau = left + theta[columns] @ phi
             counts = rows_worth_using(left, rest, free & near, free & far)
+            x = np.concatenate([phi, *(own for _, own in here)])
             for values in (x, tau):
                 values *= counts
-            out[j] = JointRows(np.r_[columns, len(theta) + np.array(alive, int)], x, tau)
+            out[j] = JointRows(np.concatenate([columns, *(own for own, _ in here)]), x, tau)
 
         run_in_threads(thin, range(len(out)))
         return [r for r in out if r is not None]
@@ -276,23 +276,33 @@ class CauseRows:
         theta = self.found.theta
         return RecordMotion(self.regressor, theta, q, dq, ddq, grid.rate, number, began)
 
-    def _columns(self, own: RecordMotion, clean: RecordMotion, grid: Grid) -> Columns:
-        """Columns of the model and of the causes on a motion; of rough causes on a clean one."""
-        regressor, motion = self.regressor, (own.q, own.dq, own.ddq)
-        packed = regressor.packed(*motion, inner=regressor.inner(*motion, own.theta))
+    def _columns(
+        self, own: RecordMotion, clean: RecordMotion, grid: Grid, rows: BandRows, gains: np.ndarray
+    ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Rows of each cause on a motion, of rough ones on a clean one, without those all zero.
+
+        ``gains``: of each joint's filter. Number of the column and joint of each, shape (signals,),
+        and the rows, shape (signals, rows).
+        """
         smooth = own.every(grid.fraction)
-        made = [np.zeros((0, *own.q.shape))] * len(self.causes)
+        none = np.zeros(0, int), np.zeros(0, int), np.zeros((0, rows.at.size))
+        made = [none] * len(self.causes)
         for asked in {own, clean}:
             asked.torque, asked.load  # noqa: B018 - once, before several threads ask
         smooth.torque  # noqa: B018
 
         def make(k: int) -> None:
             cause = self.causes[k]
-            whole = clean if cause.is_rough else own
-            made[k] = cause.columns(smooth if cause.is_smooth else whole)
+            motion, fraction = clean if cause.is_rough else own, 1
+            if cause.is_smooth:
+                motion, fraction = smooth, grid.fraction
+            columns = cause.columns(motion)
+            number, joint = np.nonzero(_is_alive(columns))
+            passed = rows.passed(columns[number, joint], gains[joint], fraction)
+            made[k] = self.first[k] + number, joint, passed
 
         run_in_threads(make, range(len(made)))
-        return packed, [column for columns in made for column in columns]
+        return made
 
     @property
     def regressor(self) -> Regressor:
@@ -312,6 +322,13 @@ class CauseRows:
     def sums(self, variance: np.ndarray) -> CauseSums:
         """All sums, with weights 1/λ_j."""
         return CauseSums(self.joints, variance, self.first, BLOCKS)
+
+
+def _is_alive(columns: np.ndarray) -> np.ndarray:
+    """Which signals are not zero throughout, shape (…); signals have time last."""
+    alive = columns[..., ::PROBED].any(axis=-1)
+    alive[~alive] = columns[~alive].any(axis=-1)
+    return np.asarray(alive)
 
 
 def without_neighbours(used: np.ndarray, reach: int) -> np.ndarray:

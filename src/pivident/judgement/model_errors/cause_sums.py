@@ -81,9 +81,9 @@ class Products:
         """Some entries of Xᵀ X by indices that are broadcast, shape (parts, …)."""
         down, across = self._place[rows], self._place[columns]
         if across.size and across.min() >= 0:
-            return self._left[:, across, rows]
+            return self._staying(across, rows)
         if down.size and down.min() >= 0:
-            return self._left[:, down, columns]
+            return self._staying(down, columns)
         rows, columns, down, across = np.broadcast_arrays(rows, columns, down, across)
         out = np.empty((len(self.tau), *rows.shape))
         right, left = across >= 0, (across < 0) & (down >= 0)
@@ -94,6 +94,11 @@ class Products:
         out[:, left] = self._left[:, down[left], columns[left]]
         out[:, own] = self._own[:, self._row[rows[own]] + self._within[columns[own]]]
         return out
+
+    def _staying(self, place: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Products of columns that stay, by their places, with others; indices are broadcast."""
+        parts, _, every = self._left.shape
+        return np.take(self._left.reshape(parts, -1), place * every + columns, axis=1)
 
     def border(self, columns: np.ndarray) -> None:
         """Make room for the products of more columns, which stay from now on, with all."""

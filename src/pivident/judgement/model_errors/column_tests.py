@@ -88,14 +88,15 @@ class Partition:
         others = np.flatnonzero(~stay) if others is None else others
         outer = np.outer(scale[own], scale[own])
         inverse = inverse_of(normal.of(own[:, None], own) / outer) / outer
-        cross = normal.of(others[:, None], own)
+        beside = normal.of(own[:, None], others)
+        cross = beside.swapaxes(-1, -2)
         theta = np.einsum("...ij,...j->...i", inverse, normal.right_of(own))
         return cls(
             normal,
             others,
             inverse,
             cross,
-            inverse @ normal.of(own[:, None], others),
+            inverse @ beside,
             theta,
             normal.right_of(others) - np.einsum("...ij,...j->...i", cross, theta),
         )

@@ -58,6 +58,8 @@ STEPS = {"mm": 1e-2, "°": 1e-3}
 UPRIGHT = 0.99
 #: A robot changed by a length [m] or an angle [rad].
 Change = Callable[[Robot, float], Robot]
+#: Share of a joint's torque below which that of a slight change is rounding, and none.
+ROUNDING = 1e-12
 #: Positions of a joint corrected, shape (samples,), from these and those of all joints.
 Correct = Callable[[np.ndarray, np.ndarray], np.ndarray]
 AXES = "xyz"
@@ -113,7 +115,10 @@ def _cause(subject: str, what: str, unit: str, *changes: Change, phrase: str = "
 
     def columns(motion: RecordMotion) -> np.ndarray:
         others = [_regressor_after(change, step * scale, motion.regressor) for change in changes]
-        return (np.array([motion.torque_by(other) for other in others]) - motion.torque) / step
+        added = np.array([motion.torque_by(other) for other in others]) - motion.torque
+        size = np.abs(motion.torque).max(axis=-1, keepdims=True)
+        added *= np.abs(added).max(axis=-1, keepdims=True) > ROUNDING * size
+        return added / step
 
     def correct(problem: Problem, size: np.ndarray) -> Problem:
         robot = problem.robot
@@ -138,7 +143,10 @@ def _cause(subject: str, what: str, unit: str, *changes: Change, phrase: str = "
 @lru_cache(maxsize=256)
 def _regressor_after(change: Change, size: float, regressor: Regressor) -> Regressor:
     """That of the changed robot; angles about two axes are tried alone and together."""
-    return regressor_of(change(regressor.robot, size), regressor.parameters)
+    robot = change(regressor.robot, size)
+    if robot.constraints is not None:
+        return regressor_of(robot, regressor.parameters)
+    return Regressor.build(robot, regressor.parameters, probed=False)
 
 
 def _moved(joint: int, axis: int) -> Change:

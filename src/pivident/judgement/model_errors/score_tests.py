@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -318,22 +319,27 @@ class ScoreTests:
 
         Numbers of the causes, shape (causes,), and indices of their columns, shape (causes, n).
         """
-        counts = np.array([cause.count for cause in self.causes])
-        counts[list(corrected)] = 0
-        alike: dict[int, list[tuple[int, np.ndarray]]] = {}
-        for count in np.unique(counts[counts > 0]):
-            numbers = np.flatnonzero(counts == count)
-            columns = self.first[numbers][:, None] + np.arange(count)
-            clear = self._smallest(stay, columns) > DISTINCT  # then that of each part is larger
-            for number, own, is_whole in zip(numbers, columns, clear, strict=True):
-                kept = own if is_whole else self._distinct(stay, own) if count > 1 else own[:0]
-                alike.setdefault(kept.size, []).append((int(number), kept))
-        alike.pop(0, None)
-        for size, pairs in alike.items():
+        kept = self._kept(stay, self._shown) if corrected else self._shown
+        for size, numbers in _by_size(kept, corrected):
             most = max(1, TOGETHER // size)
-            for start in range(0, len(pairs), most):
-                some = pairs[start : start + most]
-                yield np.array([k for k, _ in some]), np.array([own for _, own in some])
+            for some in np.split(numbers, range(most, numbers.size, most)):
+                yield some, np.array([kept[k] for k in some])
+
+    @cached_property
+    def _shown(self) -> list[np.ndarray]:
+        """Columns of each cause that the model does not hide; nor do others bring them back."""
+        every = [self.of(k) for k in range(len(self.causes))]
+        return self._kept(np.arange(self.sums.parameters), every)
+
+    def _kept(self, stay: np.ndarray, columns: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Those of some columns of each cause that the columns that stay do not hide."""
+        kept = list(columns)
+        for size, numbers in _by_size(columns):
+            own = np.array([columns[k] for k in numbers])
+            hidden = self._smallest(stay, own) <= DISTINCT  # else that of each part is larger
+            for k in numbers[hidden]:
+                kept[k] = self._distinct(stay, kept[k]) if size > 1 else kept[k][:0]
+        return kept
 
     def _group_scores(self, group: Group, base: Fit, windows: Partition) -> dict[int, Score]:
         """The tests of causes by number.
@@ -417,6 +423,16 @@ class ScoreTests:
         scale = self.scale[columns]
         inverse = inverse_of(gram / np.outer(scale, scale))
         return np.asarray(np.einsum("...ij,...j->...i", inverse, right / scale) / scale)
+
+
+def _by_size(
+    columns: Sequence[np.ndarray], without: Sequence[int] = ()
+) -> Iterator[tuple[int, np.ndarray]]:
+    """Numbers of the causes by that of their columns, as far as they have any."""
+    sizes = np.array([own.size for own in columns])
+    sizes[list(without)] = 0
+    for size in np.unique(sizes[sizes > 0]).tolist():
+        yield size, np.flatnonzero(sizes == size)
 
 
 def _squares(theta: np.ndarray, xx: np.ndarray, xt: np.ndarray, tt: float) -> float:
