@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+import scipy.fft
 import scipy.signal
 
 from pivident.signals.filters import (
     butterworth_sections,
     chebyshev_sections,
     convolution,
+    fast_length,
     forwards_and_backwards,
     recursion,
     run_sections,
@@ -74,6 +76,15 @@ def test_a_recursion_from_rest_and_from_a_steady_state(b, a):
 def test_a_gain_alone_is_a_recursion():
     gain = recursion(np.array([3.0]), np.array([2.0]), STEPS[:, 0])
     np.testing.assert_allclose(gain, 1.5 * STEPS[:, 0])
+
+
+@pytest.mark.parametrize("least", [*range(1, 200), 3441, 34_500, 90_001])
+def test_fast_lengths_are_those_of_scipy(least):
+    assert fast_length(least) == scipy.fft.next_fast_len(least, real=True)
+
+
+def test_the_fast_length_of_nothing_is_one():
+    assert fast_length(0) == 1
 
 
 def test_convolution_is_the_full_one():

@@ -54,9 +54,7 @@ class Regressor(Displayed):
     _plan: EntryPlan = field(repr=False)
 
     @classmethod
-    def build(
-        cls, robot: Robot, parameters: Sequence[Parameter], probed: bool = True
-    ) -> Regressor:
+    def build(cls, robot: Robot, parameters: Sequence[Parameter], probed: bool = True) -> Regressor:
         """Find the non-zero entries: by the tree's structure, then by probing random states.
 
         A probe decides because geometry hides zeros that the tree does not show (a vertical

@@ -144,13 +144,24 @@ def steady_state(b: np.ndarray, a: np.ndarray) -> np.ndarray:
     return np.linalg.solve(feedback, b[1:] - a[1:] * b[0])
 
 
+def fast_length(least: int) -> int:
+    """Smallest length from some on without prime factors but 2, 3 and 5: its transform is fast."""
+    length = max(least, 1)
+    while True:
+        left = length
+        for prime in (2, 3, 5):
+            while left % prime == 0:
+                left //= prime
+        if left == 1:
+            return length
+        length += 1
+
+
 def convolution(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Full convolution of two series by their transforms, shape (samples of both less one,)."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
     length = len(x) + len(y) - 1
-    fast = next_fast_len(length, True)
-    return irfft(rfft(x, fast) * rfft(y, fast), fast)[:length]
+    fast = fast_length(length)
+    return np.fft.irfft(np.fft.rfft(x, fast) * np.fft.rfft(y, fast), fast)[:length]
 
 
 @lru_cache(maxsize=64)

@@ -24,6 +24,7 @@ import numpy as np
 
 from pivident.foundation.errors import IdentificationError
 from pivident.signals.burg import reflection_coefficients
+from pivident.signals.filters import fast_length
 from pivident.signals.prefilter import StreamingFilter
 
 
@@ -38,10 +39,8 @@ class LaggedSums:
 
 def lagged_products(x: np.ndarray, lags: int, length: int | None = None) -> np.ndarray:
     """Σ_i x_i x_{i+k} for k = 0 … K, shape (K + 1,)."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
-    length = next_fast_len(x.size + lags, real=True) if length is None else length
-    return irfft(np.abs(rfft(x, length)) ** 2, length)[: lags + 1]
+    length = fast_length(x.size + lags) if length is None else length
+    return np.fft.irfft(np.abs(np.fft.rfft(x, length)) ** 2, length)[: lags + 1]
 
 
 def lagged_sums(pieces: Sequence[np.ndarray], lags: int) -> LaggedSums:

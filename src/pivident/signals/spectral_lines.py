@@ -34,6 +34,7 @@ import numpy as np
 
 from pivident.signals.bandpass import median_filter
 from pivident.signals.coloured_walk_likelihood import NoiseColour
+from pivident.signals.filters import fast_length
 
 #: Lowest frequency of a narrow line [Hz]: below, periodic motion has lines of its own.
 LOWEST_FREQUENCY = 40.0
@@ -107,11 +108,9 @@ def tapered_periodogram(y: np.ndarray, rate: float, order: int) -> tuple[np.ndar
 
     White noise has its variance at all frequencies.
     """
-    from scipy.fft import rfft
-
     taper, omega, scale = _transform(y.size, order)
     length = round(2.0 * np.pi / omega[0])
-    transformed = rfft(np.diff(y, order) * taper, length)[1:]
+    transformed = np.fft.rfft(np.diff(y, order) * taper, length)[1:]
     power = transformed.real**2 + transformed.imag**2
     return omega * rate / (2.0 * np.pi), power * scale
 
@@ -119,11 +118,9 @@ def tapered_periodogram(y: np.ndarray, rate: float, order: int) -> tuple[np.ndar
 @lru_cache(maxsize=1)
 def _transform(samples: int, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Hann's window, angular frequencies, periodogram factors: the same for all channels."""
-    from scipy.fft import next_fast_len
-
     size = samples - order
     taper = 0.5 - 0.5 * np.cos(2.0 * np.pi * (np.arange(size) + 0.5) / size)
-    length = next_fast_len(size, real=True)
+    length = fast_length(size)
     omega = 2.0 * np.pi * np.arange(1, length // 2 + 1) / length
     scale = (2.0 * np.sin(omega / 2.0)) ** (-2 * order) / np.dot(taper, taper)
     return taper, omega, scale

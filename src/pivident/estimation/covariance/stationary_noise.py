@@ -51,6 +51,7 @@ from pivident.estimation.restrictions import Freedom
 from pivident.foundation.distributions import fisher
 from pivident.foundation.threads import run_in_threads
 from pivident.loop.motion.motion import MOTION_BAND, packed_stretch
+from pivident.signals.filters import fast_length
 from pivident.signals.prefilter import Prefilter
 
 #: Longest lag of the autocovariance [s]: ten periods of the highest frequency of the motion. With
@@ -191,12 +192,10 @@ class ScoreSpectra:
     """
 
     def __init__(self, metric: np.ndarray, longest: int, lags: int, series: int = 1) -> None:
-        from scipy.fft import next_fast_len
-
         self.metric, self.lags = metric, lags
         # the noise spectrum, tapered, hardly changes within half a step of 1/lags
         self.width = max(1, longest // (2 * lags))
-        self.length = next_fast_len(longest + lags, real=True)
+        self.length = fast_length(longest + lags)
         self.bins = -(-(self.length // 2 + 1) // self.width)
         kind = float if series == 1 else complex
         self.cross = np.zeros((self.bins, series, series, *metric.shape), kind)
@@ -208,15 +207,13 @@ class ScoreSpectra:
         ``z``: instruments or derivatives, shape (series, k, samples); ``noise``: residual of unit
         variance, shape (series, samples); ``used``: one or zero, likewise.
         """
-        from scipy.fft import irfft, rfft
-
         self.pairs += self._products(used)
         self.products += self._products(noise)
-        spectrum = rfft(z, self.length)
+        spectrum = np.fft.rfft(z, self.length)
         weighted = self.metric @ spectrum
         for a, own in enumerate(spectrum.conj()):
             for b, other in enumerate(weighted):
-                self.taken[a, b] += irfft(np.einsum("kf,kf->f", own, other), self.length)
+                self.taken[a, b] += np.fft.irfft(np.einsum("kf,kf->f", own, other), self.length)
         spectrum[..., 1 : (self.length + 1) // 2] *= np.sqrt(2.0)  # negative frequencies
         binned = np.zeros((*z.shape[:2], self.bins * self.width), dtype=complex)
         binned[..., : spectrum.shape[-1]] = spectrum
@@ -226,10 +223,8 @@ class ScoreSpectra:
 
     def _products(self, x: np.ndarray) -> np.ndarray:
         """Σ_t x_a(t) x_b(t + k), negative k from the end, shape (series, series, length)."""
-        from scipy.fft import irfft, rfft
-
-        spectrum = rfft(x, self.length)
-        return irfft(spectrum.conj()[:, None] * spectrum, self.length)
+        spectrum = np.fft.rfft(x, self.length)
+        return np.fft.irfft(spectrum.conj()[:, None] * spectrum, self.length)
 
     def variance_of_scores(self) -> np.ndarray:
         """V, shape (k, k)."""
@@ -247,12 +242,10 @@ class ScoreSpectra:
 
     def _spectrum(self, covariance: np.ndarray) -> np.ndarray:
         """Spectrum of γ_ab, tapered by a Parzen window, shape (frequencies, series, series)."""
-        from scipy.fft import rfft
-
         steps = np.arange(self.length)
         lag = np.minimum(steps, self.length - steps) / self.lags
         taper = np.where(lag < 0.5, 1.0 - 6.0 * lag**2 * (1.0 - lag), 2.0 * (1.0 - lag) ** 3)
-        spectrum = rfft(covariance * np.where(lag < 1.0, taper, 0.0)).transpose(2, 0, 1)
+        spectrum = np.fft.rfft(covariance * np.where(lag < 1.0, taper, 0.0)).transpose(2, 0, 1)
         return 0.5 * (spectrum + spectrum.conj().swapaxes(1, 2))
 
 

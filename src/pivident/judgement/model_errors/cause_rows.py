@@ -38,6 +38,7 @@ from pivident.judgement.model_errors.cause_sums import CauseSums, JointRows
 from pivident.judgement.validation.held_out.prediction import motion_band
 from pivident.loop.motion.motion import Kinematics, Motion, measured_samples
 from pivident.signals.bandpass import bandpass_response
+from pivident.signals.filters import fast_length
 
 #: Rows that are kept for each period of the highest frequency, at least.
 ROWS_PER_PERIOD = 5.0
@@ -108,9 +109,7 @@ class BandRows:
     @classmethod
     def of(cls, samples: int, rate: float, band: float, step: int, span: slice) -> BandRows:
         """Rows of a record of so many samples; ``span``: samples at which rows may be."""
-        from scipy.fft import next_fast_len
-
-        count = next_fast_len(-(-samples // step), real=True)
+        count = fast_length(-(-samples // step))
         first, last = -(-span.start // step), -(-span.stop // step)
         return cls(rate, band, step, count, slice(first, max(first, last)))
 
@@ -152,18 +151,16 @@ class BandRows:
             gain: of the filter, or of that of each signal, shape (signals, frequencies).
             fraction: a divisor of ``step``.
         """
-        from scipy.fft import irfft, rfft
-
         length = self.samples // fraction
         gain = np.broadcast_to(gain * fraction / self.step, (len(signals), gain.shape[-1]))
         rows = np.empty((len(signals), self.at.size))
         for first in range(0, len(signals), TOGETHER):
             some = slice(first, first + TOGETHER)
-            spectrum = rfft(np.asarray(signals[some])[:, :length], length, axis=1)[
+            spectrum = np.fft.rfft(np.asarray(signals[some])[:, :length], length, axis=1)[
                 :, : gain.shape[1]
             ]
             spectrum *= gain[some]
-            kept = irfft(spectrum, self.count, axis=1)[:, self.kept]
+            kept = np.fft.irfft(spectrum, self.count, axis=1)[:, self.kept]
             kept[np.abs(kept) < VANISHING] = 0.0
             rows[some] = kept
         return rows

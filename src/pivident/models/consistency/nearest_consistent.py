@@ -29,6 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.foundation.common_work import once
 from pivident.foundation.errors import ContradictoryBounds, IdentificationError
 from pivident.foundation.text.numbers import format_significant
 from pivident.models.consistency.cone_program import (
@@ -176,7 +177,7 @@ def nearest_consistent(
     Conditions that are ``plausible`` restrict the choice unless the data contradict them;
     ``torque_error``: of standard parameters on the fitted record, NaN where it is not known.
     """
-    closest = _closest(space, imposed(space, constraints), constraints)
+    closest = _closest(space, constraints)
     least = float(np.linalg.norm(closest.u[: space.distances]))
     if least < CONSISTENT:
         kept = _kept(space, constraints, reference, prior)
@@ -193,7 +194,7 @@ def nearest_consistent(
         allowed = (1.0 + NOTABLE_COST) * torque_error(space.values(u))
         for some in _fewer(plausible):
             every = [*constraints, *some]
-            within = _closest(space, imposed(space, every), every)
+            within = _closest(space, every)
             growth = float(np.sum(within.u[: space.distances] ** 2)) - least**2
             farther = farther or np.sqrt(max(growth, 0.0))
             left = room if growth > room else max(room - growth, LEAST_ROOM * room)
@@ -261,7 +262,13 @@ def within_distance(space: StandardSpace, radius: float) -> Requirement:
     )
 
 
-def _closest(
+def _closest(space: StandardSpace, constraints: Sequence[Constraint]) -> Solved:
+    """The least |x|, which searches with different room have in common."""
+    key = ("nearest parameters", space, *constraints)
+    return once(key, lambda: _least(space, imposed(space, constraints), constraints))
+
+
+def _least(
     space: StandardSpace, requirements: Sequence[Requirement], constraints: Sequence[Constraint]
 ) -> Solved:
     """The least |x|."""

@@ -18,6 +18,7 @@ from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
 from pivident.foundation.errors import ExperimentError
 from pivident.robot.description import Robot
+from pivident.signals.filters import fast_length
 from pivident.studies.friction.order_spectrum import (
     HIGHEST_FREQUENCY,
     OrderSpectrum,
@@ -264,15 +265,14 @@ def _best_in_time(
 
     A line may have another phase in each recording, so each recording has two columns.
     """
-    from scipy.fft import next_fast_len, rfft
     from scipy.ndimage import median_filter
 
-    length = next_fast_len(_PADDING * max(s.t.size for s in series), real=True)
+    length = fast_length(_PADDING * max(s.t.size for s in series))
     gain = np.zeros(length // 2 + 1)
     for s, left in zip(series, fit.left, strict=True):
         used = settled_rows(s.used[:, joint], fit.noise.order)
         white = np.where(used, whitened(fit.filter, left - fit.noise.mean), 0.0)
-        gain += np.abs(rfft(white, length)) ** 2 / max(int(used.sum()), 1)
+        gain += np.abs(np.fft.rfft(white, length)) ** 2 / max(int(used.sum()), 1)
     frequency = np.arange(gain.size) * series[0].rate / length
     longest = max(s.t.size for s in series) / series[0].rate
     reach = min(2 * _NEIGHBOURS * _PADDING + 1, gain.size // 4 * 2 + 1)

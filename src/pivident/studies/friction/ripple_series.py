@@ -174,14 +174,13 @@ def _without_peaks(error: np.ndarray) -> np.ndarray:
     A noise model would fit a line of constant frequency and hide it, so it is fitted to a residual
     without lines. Ripple at constant speed is such a line too.
     """
-    from scipy.fft import irfft, rfft
     from scipy.ndimage import median_filter
 
-    transformed = rfft(error - error.mean())
+    transformed = np.fft.rfft(error - error.mean())
     power = np.abs(transformed) ** 2
     level = median_filter(power, _PEAK_NEIGHBOURS, mode="nearest")
     cut = np.sqrt(np.minimum(1.0, _PEAK * level / np.maximum(power, 1e-300)))
-    return irfft(transformed * cut, error.size) + error.mean()
+    return np.fft.irfft(transformed * cut, error.size) + error.mean()
 
 
 def fit_waves(

@@ -226,10 +226,14 @@ def frequencies(samples: int, rate: float) -> np.ndarray:
 
 
 def _spectrum(x: np.ndarray) -> np.ndarray:
-    """Mean square of each coefficient; they sum up to that of the signal."""
-    from scipy.fft import dct
+    """Mean square of each coefficient of the cosine transform; they sum up to the signal's.
 
-    return dct(x, axis=0, norm="ortho") ** 2 / len(x)
+    Made of the transform of the signal and its mirror image.
+    """
+    transformed = np.fft.rfft(np.concatenate([x, x[::-1]]), axis=0)[: len(x)]
+    power = 0.5 * np.abs(transformed) ** 2 / len(x) ** 2
+    power[0] /= 2.0
+    return np.asarray(power)
 
 
 def _error(judge: Judge, robot: Robot, residual: np.ndarray, span: slice) -> ErrorOnLog:

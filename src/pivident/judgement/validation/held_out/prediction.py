@@ -289,10 +289,8 @@ def level_beyond(x: np.ndarray, rate: float, band: float) -> np.ndarray:
 
     ``x``: shape (samples, joints); ``band``: highest frequency of the motion [Hz].
     """
-    from scipy.fft import rfft
-
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(len(x)) / len(x))
-    spectrum = np.abs(rfft((x - x.mean(axis=0)) * window[:, None], axis=0)) ** 2
+    spectrum = np.abs(np.fft.rfft((x - x.mean(axis=0)) * window[:, None], axis=0)) ** 2
     frequency = np.arange(len(spectrum)) * rate / len(x)
     beyond = (frequency >= band) & (frequency <= BEYOND * band)
     if not beyond.any():
