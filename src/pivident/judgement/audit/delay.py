@@ -213,11 +213,9 @@ def _estimated(log: Log, model: InverseModel, blunt: float = BLUNT) -> Delay:
     """The same on the rows of a model, without standard errors above ``blunt`` [s]."""
     reach = min(max(MAX_SHIFT, MIN_SHIFT_SAMPLES / model.rate), model.at[0] / model.rate)
     shifts = np.linspace(-reach, reach, 81)
-    torques = [model.tau(s) for s in shifts]
+    torques = np.stack([model.tau(s) for s in shifts], axis=-1)
     joints = model.robot.size
-    errors = np.array(
-        [[model.relative_error(j, tau[:, j]) for j in range(joints)] for tau in torques]
-    )
+    errors = np.array([model.relative_error(j, torques[:, j]) for j in range(joints)]).T
     estimates, gains = np.full(joints, np.nan), np.zeros(joints)
     replicates = np.full((BLOCKS, joints), np.nan)
     for j in range(joints):
@@ -251,16 +249,18 @@ def _joint_delay(
     for _ in range(12):
         place = model.at[rows] - model.shift + delay * model.rate
         tau, rising = torque(place), slope(place) * model.rate
-        steepness = float(np.linalg.norm(rising))
-        if steepness == 0:
+        alone = rising - basis @ (basis.T @ rising)
+        square = float(alone @ alone)
+        if square == 0:
             return None
-        fit = blocked_fit(np.column_stack([basis, rising / steepness]), tau, block)
-        step = -fit.estimate[-1] / steepness
+        step = -float(alone @ tau) / square
         delay = delay + float(np.clip(step, -0.25 * reach, 0.25 * reach))
         if abs(delay) > reach:
             return None
         if abs(step) < 1e-7:
             break
+    steepness = float(np.linalg.norm(rising))
+    fit = blocked_fit(np.column_stack([basis, rising / steepness]), tau, block)
     here = model.relative_error(j, model.tau(delay)[:, j])
     gain = 1.0 - (here / model.relative_errors[j]) ** 2
     return delay, delay - (fit.replicates[:, -1] - fit.estimate[-1]) / steepness, gain

@@ -220,11 +220,15 @@ class InverseModel:
         tau = self.tau()
         return np.array([self.relative_error(j, tau[:, j]) for j in range(self.robot.size)])
 
-    def relative_error(self, joint: int, tau: np.ndarray) -> float:
-        """‖τ - Φ_j θ̂‖ / ‖τ‖ of some torque on one joint's columns; tau (rows,)."""
+    def relative_error(self, joint: int, tau: np.ndarray) -> Any:
+        """‖τ - Φ_j θ̂‖ / ‖τ‖ of a torque on one joint's columns, shape (rows,), or of several.
+
+        NaN where it is zero; of several, shape (rows, torques), one for each.
+        """
         basis, tau = self.bases[joint], tau[self.moving[:, joint]]
-        size = float(np.linalg.norm(tau))
-        return float(np.linalg.norm(tau - basis @ (basis.T @ tau))) / size if size else np.nan
+        left = np.linalg.norm(tau - basis @ (basis.T @ tau), axis=0)
+        with np.errstate(invalid="ignore"):
+            return left / np.linalg.norm(tau, axis=0)
 
     def usable(self, joint: int) -> bool:
         """Whether a joint moves long enough for its equation to say anything."""

@@ -57,7 +57,7 @@ def check_order(model: InverseModel) -> Order:
     errors = np.ones((joints, joints))
     for j in range(joints):
         if model.usable(j):
-            errors[j] = [model.relative_error(j, tau[:, k]) for k in range(joints)]
+            errors[j] = model.relative_error(j, tau)
     cost = np.log(np.clip(np.nan_to_num(errors, nan=1.0), 1e-6, 1.0))
     rows = np.arange(joints)
     best = cost.argmin(axis=1)

@@ -41,7 +41,7 @@ from pivident.signals.bandpass import bandpass_response
 from pivident.signals.filters import fast_length
 
 #: Rows that are kept for each period of the highest frequency, at least.
-ROWS_PER_PERIOD = 5.0
+ROWS_PER_PERIOD = 4.0
 #: Blocks of the motion that are held out in turn, all recordings together.
 BLOCKS = 10
 #: Time over which the low-pass mixes rest and motion, in periods of the highest frequency …
