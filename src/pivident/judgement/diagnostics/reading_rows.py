@@ -114,6 +114,17 @@ class ReadingRows:
             zeros_of(problem.recordings[0]),
         )
 
+    def roughly(self, step: int) -> ReadingRows:
+        """One of so many rows, all in one stretch."""
+        return replace(
+            self,
+            channels={name: values[::step] for name, values in self.channels.items()},
+            moving=self.moving[::step],
+            block=np.zeros(len(self.block[::step]), int),
+            known=self.entries[:, ::step],
+            like=None,
+        )
+
     def after(self, repair: Repair) -> ReadingRows:
         """The same rows with a repair.
 

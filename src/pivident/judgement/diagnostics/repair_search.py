@@ -67,6 +67,9 @@ CLOCKS = (0.5, 2.0)
 #: Positions of a joint span at least this in its unit, and at most this many turns [rad].
 LEAST_SPAN, FARTHEST = 0.05, 20.0
 
+#: Of one of so many rows a repair may not make the fit worse by more than this.
+FEW, ROUGHLY = 4, 0.05
+
 #: Growth of the score within which another repair explains as much.
 ALIKE = 0.02
 
@@ -167,23 +170,34 @@ def clearly_lower(change: np.ndarray, tried: int, least: float = LEAST_GAIN) -> 
 
 def _tried(rows: ReadingRows, reach: float) -> Iterator[tuple[Repair, np.ndarray | None]]:
     """Repairs with the scores that they make; None where not even the fit is below ``reach``."""
-    for repair, made in _repairs(rows):
+    few = rows.roughly(FEW)
+    hopeless = _fit(few.sums) + ROUGHLY
+    for repair, sums in _repairs(rows):
         try:
-            sums = made()
-            below = float(fitted_scores(sums).mean()) < reach
-            yield repair, scores(sums) if below else None
+            fits = _fit(sums(few)) < hopeless and _fit(sums(rows)) < reach
+            yield repair, scores(sums(rows)) if fits else None
         except (PividentError, np.linalg.LinAlgError):
             continue
 
 
-def _repairs(rows: ReadingRows) -> Iterator[tuple[Repair, Callable[[], Sums]]]:
-    """Repairs with what makes their sums."""
+def _fit(sums: Sums) -> float:
+    """Mean score of the fit to all stretches."""
+    return float(fitted_scores(sums).mean())
+
+
+def _repairs(rows: ReadingRows) -> Iterator[tuple[Repair, Callable[[ReadingRows], Sums]]]:
+    """Repairs with what makes their sums of some rows."""
+    whole = rows.roughly(1)
     for j, name in enumerate(rows.robot.joint_names):
-        for gain in (-1.0, _gain(rows, j)):
+        for gain in (-1.0, _gain(rows, whole, j)):
             if gain is not None:
-                yield _torque(name, gain), partial(rows.with_gain, j, gain)
-    for repair in _of_motion(rows):
-        yield repair, partial(lambda own: rows.after(own).sums, repair)
+                yield _torque(name, gain), partial(ReadingRows.with_gain, joint=j, factor=gain)
+    for repair in _of_motion(rows, whole):
+        yield repair, partial(_after, repair=repair)
+
+
+def _after(rows: ReadingRows, repair: Repair) -> Sums:
+    return rows.after(repair).sums
 
 
 def _torque(name: str, factor: float) -> Repair:
@@ -193,53 +207,57 @@ def _torque(name: str, factor: float) -> Repair:
     return Repair((Multiplied(channel="tau", factors=((name, float(f"{factor:.4g}")),)),))
 
 
-def _gain(rows: ReadingRows, joint: int) -> float | None:
-    """Factor of a joint's torque with the lowest score, where that is not about one."""
-    return _best_factor(rows, partial(rows.with_gain, joint), GAINS, GAIN_RANGE)
+def _gain(rows: ReadingRows, whole: ReadingRows, joint: int) -> float | None:
+    """Factor of a joint's torque that fits best, where that is not about one.
+
+    ``whole``: the rows as one stretch.
+    """
+    sums = partial(ReadingRows.with_gain, joint=joint)
+    return _best_factor(rows, whole, sums, GAINS, GAIN_RANGE)
 
 
-def _clock(rows: ReadingRows) -> float | None:
-    """Factor of the times with the lowest score, likewise; a round one where that does as well."""
+def _clock(rows: ReadingRows, whole: ReadingRows) -> float | None:
+    """Factor of the times that fits best, likewise; a round one where that does as well."""
 
-    def sums(factor: float) -> Sums:
-        return rows.after(_one(Retimed(factor=factor))).sums
+    def sums(own: ReadingRows, factor: float) -> Sums:
+        return _after(own, _one(Retimed(factor=factor)))
 
-    best = _best_factor(rows, sums, CLOCKS, CLOCK_RANGE)
+    best = _best_factor(rows, whole, sums, CLOCKS, CLOCK_RANGE)
     if best is None:
         return None
     nearest = min(CLOCKS, key=lambda factor: abs(np.log(factor / best)))
-    gained = scores(sums(best)) - scores(sums(nearest))
+    gained = scores(sums(rows, best)) - scores(sums(rows, nearest))
     return best if clearly_lower(gained, 1, 0.0) else nearest
 
 
 def _best_factor(
     rows: ReadingRows,
-    sums: Callable[[float], Sums],
+    whole: ReadingRows,
+    sums: Callable[..., Sums],
     tried: Sequence[float],
     reach: float,
 ) -> float | None:
-    """Factor that fits best, where one of some is better than one; None if it is near."""
+    """Factor that fits best, where one of some is better than one; None if it is near.
 
-    def score(factor: float) -> float:
-        return float(fitted_scores(sums(factor)).mean())
-
-    found = {x: score(x) for x in tried}
-    found[1.0] = float(fitted_scores(rows.sums).mean())
-    best = min(found, key=lambda x: found[x])
-    if best == 1.0:
-        return None
+    ``sums``: of some rows with a factor. Of all as one stretch they are made in no time.
+    """
+    for own in (whole, rows):
+        found = {x: _fit(sums(own, factor=x)) for x in (1.0, *tried)}
+        best = min(found, key=lambda x: found[x])
+        if best == 1.0:
+            return None
     points = sorted({1.0 / reach, *found, reach})
     beside = points[points.index(best) - 1], points[points.index(best) + 1]
     low, high = np.log(beside)
-    factor = np.exp(lowest(lambda x: score(np.exp(x)), low, high, 1e-3))
+    factor = np.exp(lowest(lambda x: _fit(sums(rows, factor=np.exp(x))), low, high, 1e-3))
     at_an_end = abs(np.log(factor)) > 0.99 * np.log(reach)  # where no best one is
     return None if at_an_end or 1.0 / NO_GAIN < factor < NO_GAIN else float(factor)
 
 
-def _of_motion(rows: ReadingRows) -> Iterator[Repair]:
+def _of_motion(rows: ReadingRows, whole: ReadingRows) -> Iterator[Repair]:
     """Repairs that change the observation matrix, or which torque belongs to which row of it."""
     robot, names = rows.robot, rows.robot.joint_names
-    clock = _clock(rows)
+    clock = _clock(rows, whole)
     if clock is not None:
         yield _one(Retimed(factor=float(f"{clock:.4g}")))
     if robot.size > 1:
