@@ -24,6 +24,7 @@ from pivident.estimation.signal_recipes import RECIPES
 from pivident.estimation.simulation_result import SimulationResult
 from pivident.estimation.solved_equations import EquationNoise, TorqueSums
 from pivident.foundation.codec import Layout
+from pivident.foundation.common_work import once
 from pivident.foundation.errors import PividentError
 from pivident.foundation.files import atomic_folder
 from pivident.foundation.options import Options
@@ -197,7 +198,8 @@ def _with_robust_std(content: dict[str, Any]) -> dict[str, Any]:
 
 def to_json(identification: Identification) -> str:
     """Strict JSON with one line for each parameter, joint, iteration and row of a matrix."""
-    return json_of_entries(to_dict(identification))
+    key = ("identification file", identification)  # the report offers what its folder holds
+    return once(key, lambda: json_of_entries(to_dict(identification)))
 
 
 def to_csv(identification: Identification) -> str:

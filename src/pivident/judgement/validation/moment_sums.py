@@ -83,11 +83,14 @@ class MomentSums:
         every = np.vstack([moments, tau])
         places = np.append(left, len(self.gram) - 1)
         self.gram[np.ix_(places, places)] += every @ every.T
+        first = shares[0].window
+        parts = np.zeros((shares[-1].window + 2 - first, left.size, right.size))
         for share in shares:
             part, response = moments[:, share.part], rights[:, share.part].T
             rising = (part * share.rising) @ response
-            self.windows[share.window + 1, left[:, None], right] += rising
-            self.windows[share.window, left[:, None], right] += part @ response - rising
+            parts[share.window + 1 - first] += rising
+            parts[share.window - first] += part @ response - rising
+        self.windows[first : first + len(parts), left[:, None], right] += parts
         self.rows += rows
 
     def block(self, left: str, right: str) -> np.ndarray:
@@ -118,6 +121,8 @@ class MomentSums:
 
     def along(self, freedom: Freedom) -> MomentSums:
         """The same of Φ N, Z N, X N and τ - Φ θ₀: as far as the parameters are free."""
+        if freedom.is_whole:
+            return self
         left = np.kron(np.eye(2 + bool(self.extra)), freedom.basis.T)
         every = np.zeros((len(left) + 1, len(self.gram)))
         every[:-1, :-1], every[-1, -1] = left, 1.0

@@ -167,7 +167,7 @@ def cross_correlation_test(
         1.0 - (rss1 / left) / (rss0 / (left + directions)),
         columns,
         lags * duration,
-        np.stack([_correlation(records, int(lag)) for lag in lags], axis=1),
+        _correlations(records, lags),
         2.0 / np.sqrt(residual.size),
     )
 
@@ -214,12 +214,18 @@ def _basis(columns: np.ndarray, smallest: float, scaled: bool = True) -> np.ndar
     return vectors[:, values > smallest * (values[0] if scaled and values.size else 1.0)]
 
 
-def _correlation(records: list[Stretches], lag: int) -> np.ndarray:
-    """Correlation of the residual with all instruments ``lag`` stretches earlier."""
+def _correlations(records: list[Stretches], lags: np.ndarray) -> np.ndarray:
+    """Correlation of the residual with all instruments so many stretches earlier.
+
+    Shape (instruments, lags).
+    """
     cross, energy, power = 0.0, 0.0, 0.0
     for r in records:
-        z = _shift(r.z, lag)
-        cross, energy = cross + z @ r.residual, energy + (z**2).sum(axis=1)
+        shifted = np.array([_shift(r.residual, -lag) for lag in lags.tolist()])
+        squares = np.cumsum(np.pad(r.z**2, ((0, 0), (1, 0))), axis=1)
+        first, last = np.clip([-lags, r.residual.size - lags], 0, r.residual.size)
+        cross = cross + r.z @ shifted.T
+        energy = energy + squares[:, last] - squares[:, first]
         power += r.residual @ r.residual
     return cross / np.maximum(np.sqrt(energy * power), 1e-300)
 
