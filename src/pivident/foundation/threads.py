@@ -6,10 +6,11 @@ import os
 import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from functools import cache
 from typing import TypeVar
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 Item = TypeVar("Item")
 
@@ -41,11 +42,17 @@ def run_in_threads(work: Callable[[Item], object], items: Iterable[Item]) -> Non
         pass
 
 
-def linear_algebra_in_one_thread() -> threadpool_limits:
+def linear_algebra_in_one_thread() -> AbstractContextManager[object]:
     """A context in which the libraries of linear algebra use one thread.
 
     Our matrices are of the size of the parameters, too small to be worth sharing; but a library
     that has shared one leaves its threads waiting in a loop for the next, on the processors that
     our own threads need, and its sums depend on the number of processors.
     """
-    return threadpool_limits(limits=1, user_api="blas")
+    return _libraries().limit(limits=1, user_api="blas")
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """The libraries that are loaded: NumPy's and SciPy's are from the beginning."""
+    return ThreadpoolController()
