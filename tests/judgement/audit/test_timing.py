@@ -37,6 +37,14 @@ def test_a_clock_that_was_set_is_not_an_hour_of_lost_samples():
     assert "1000 sample(s) are missing in 1 gap(s); the longest lasts 1.001 s" in finding.message
 
 
+def test_a_first_stamp_above_all_others_is_backward_time():
+    t = np.arange(5000) * 1e-3
+    t[0] = 100.0
+    backward = next(f for f in serious(clocked(t)) if f.kind == "backward")
+    assert backward.sample == 1
+    assert check_timing(clocked(t)).rate == pytest.approx(1000.0)
+
+
 def test_jitter():
     t = np.arange(5000) * 1e-3
     t[3000] += 0.4e-3

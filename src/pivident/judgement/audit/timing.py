@@ -257,7 +257,8 @@ def _one_clock(
         regular = False
     else:
         findings.append(harmless)
-    rate = mean_rate(finite[np.r_[True, np.diff(np.maximum.accumulate(finite)) > 0]])
+    rising = finite[np.r_[True, np.diff(np.maximum.accumulate(finite)) > 0]]
+    rate = mean_rate(rising) if len(rising) > 1 else 1.0 / period  # the first may be the highest
     if not LIKELY_RATES[0] <= rate <= LIKELY_RATES[1]:
         text = f"The stamps advance at {rate:.4g} Hz, unlike any robot's log."
         step = 'Give the unit of the stamps: units = {t = "ms"} or "us", "ns".'
