@@ -163,7 +163,7 @@ def check_target(out: Path, logs: Sequence[Path], robot: str | None, force: bool
     """Refuse to overwrite an experiment file that exists, or one of the inputs."""
     if out.suffix != ".toml":
         raise PividentError(f"--out {out} must end with .toml", advice="choose another name")
-    inputs = [*logs, *([robot] if robot else [])]
+    inputs: list[str | Path] = [*logs, *([robot] if robot else [])]
     if out.is_dir() or any(
         os.path.exists(path) and out.exists() and out.samefile(path) for path in inputs
     ):
