@@ -292,8 +292,7 @@ class SimulatedSteps:
         records = records_without_instruments(
             [with_inner(regressor, m, load) for m in moved], signals.limits
         )
-        number = made + 1 - WITHOUT_NOISE_MODEL
-        fitted = self.whitening.fitted(prefilters, number, theta, records)
+        fitted = self.whitening.fitted(prefilters, made + 1 - WITHOUT_NOISE_MODEL, theta, records)
         if all(model.excess <= MODEL_ERROR for model in fitted.models):
             prefilters = fitted
         prefilters.exclude(records)

@@ -285,7 +285,6 @@ def solve(steps: Steps, last: Pass, simulated: Simulated, prefilters: Prefilters
     """Step (b): (P-28), with weights λ_j from the residual of its own estimate."""
     problem, number, power = steps.signals.problem, last.number + 1, steps.method.weight_power
     records, prefilters = steps.equations(last, simulated, prefilters)
-    # scores by window belong to every estimate that may be the last
     highest = start_number(steps.method) + steps.method.max_iterations
     by_window = steps.always_by_window or number >= min(steps.earliest, highest)
     sums = accumulate(problem.regressor, records, prefilters.filters, by_window)

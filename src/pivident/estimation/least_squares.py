@@ -91,12 +91,11 @@ class LeastSquares(Method):
     def settled(self, problem: Problem) -> Self:
         """With cut-offs and band in numbers; a slow log is thinned only where that is surer."""
         thinned, own = super().settled(problem), self.signals
-        rate = min(r.rate for r in problem.recordings)
         if not isinstance(own, Bandpass) or own.decimation or own.bandwidth:
             return thinned
         recipe = settled_recipe(replace(own, decimation=1), problem.recordings)
         whole = replace(self, signals=recipe)
-        slow = own.band(rate) < MOTION_BAND  # its band ends within an arm's motion
+        slow = own.band(min(r.rate for r in problem.recordings)) < MOTION_BAND
         return whole if slow and is_surer(problem, whole, thinned) else thinned
 
     def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
@@ -109,10 +108,9 @@ class LeastSquares(Method):
 def is_surer(problem: Problem, other: LeastSquares, than: LeastSquares) -> bool:
     """Whether one method knows the torques of its own record better than another.
 
-    A wider band has more rows, of frequencies in which errors may be larger and derivatives wrong.
-    The first shows in the variance of the torques, tr(P Σ_j ΦᵀΦ/λ_j), with P from windows of time,
-    which holds for errors of any spectrum, and Φ, λ of ``than``; the second where the torques of
-    both estimates are further apart than their variances together.
+    A wider band has more rows, with errors that may be larger and derivatives that may be wrong:
+    the variance of the torques tr(P Σ_j ΦᵀΦ/λ_j), P from windows of time, Φ and λ of ``than``, is
+    larger, or the torques of both are further apart than their variances together.
     """
     fits = []
     for method in (than, other):

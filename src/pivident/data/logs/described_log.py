@@ -290,6 +290,5 @@ def _bag_log(run: Run, found: JointMap, robot: Robot | None) -> Log:
     taken = "; ".join(f"{kind} = {own[0]} …" for kind, own in columns.items())
     notes = [TAKEN.format(source="the types of the messages", taken=escaped(taken))]
     if file.aside:
-        listed = escaped(", ".join(file.aside[:5]))
-        notes.insert(0, f"Other topics with positions: {listed}.")
+        notes.insert(0, f"Other topics with positions: {escaped(', '.join(file.aside[:5]))}.")
     return replace(log, notes=(*notes, *log.notes))

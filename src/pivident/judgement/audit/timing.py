@@ -211,8 +211,7 @@ def _one_clock(
         if regular:
             left = stretches(finite)
             left = replace(left, resample=False) if log.resample else left
-            advice = left.advice()
-            step = f"{capital(advice)}."
+            step = f"{capital(left.advice())}."
             repairs = _without_gaps(left)
         missing = Quantity(float(lost), "samples")
         apart = regular and (log.resample or not left.resample) and bool(left.parts)
