@@ -1,6 +1,6 @@
 """Does the friction law that `pivident laws` chooses fit the next motion?
 
-    python benchmarks/friction_laws_on_next_motion.py [plain] [rich] [kr300] [--first 10]
+    python benchmarks/friction_laws_on_next_motion.py [plain] [rich] [kr300] [records] [--first 10]
 
 Random arms of three to six axes (`tests.studies.friction_laws.friction_arms`: Pinocchio's inverse
 dynamics, exact signs, encoders of 14 bits, three levels of torque noise). Laws are chosen from two
@@ -13,20 +13,31 @@ temperature.
 The rules were written with the arms 0 to 9; by default those from 10 on are judged.
 
 KR300, axes 1 to 3, public record: chosen from motion A, judged on B, and the reverse, below 4 Hz.
+
+*Records*: all public records of `default_band.py`, chosen from one half and judged on the other,
+from the first 70 % and judged on the rest, and from the first two thirds as two recordings and
+judged on the last; of two motions each is chosen from and the other judged on. Judged below the
+band of held-out motion, in mean squares: the share of joints that the chosen law makes worse than
+the law that they had, and by how much.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 import time
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from kuka_kr300_blocks import EXAMPLE, START, STOP, squares
+from default_band import DRAFTED, EXAMPLE, problem_of
+from kuka_kr300_blocks import EXAMPLE as KR300
+from kuka_kr300_blocks import START, STOP, squares
 from tests.studies.friction_laws.friction_arms import RATE, FrictionArm, friction_arm, programmes
 
 from pivident.data.recording.public_records import load_kuka_kr300
@@ -35,6 +46,7 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.least_squares import LeastSquares
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
+from pivident.judgement.validation.held_out.prediction import Judge
 from pivident.robot.gallery import load_robot
 from pivident.signals.bandpass import butterworth
 from pivident.studies.friction_laws.chosen_laws import LawChoice
@@ -102,7 +114,7 @@ def arms(first: int, count: int, rich: bool, motions: int) -> None:
 
 def kr300() -> None:
     """One motion chooses, the other one judges; and both choose."""
-    robot = load_robot(EXAMPLE / "kuka_kr300_axes_1_3.toml")
+    robot = load_robot(KR300 / "kuka_kr300_axes_1_3.toml")
     runs = tuple(load_kuka_kr300(motion, robot=robot) for motion in ("A", "B"))
     print("KR300: error of axes 1, 2, 3 on the other motion below 4 Hz [%]")
     for k, name in enumerate(("A, judged on B", "B, judged on A")):
@@ -116,6 +128,63 @@ def kr300() -> None:
         print("   ", ", ".join(f"{j.joint}: {j.chosen.name}" for j in choice.joints), flush=True)
 
 
+def divided(problem: Problem) -> Iterator[tuple[str, Problem, int, slice]]:
+    """What laws are chosen from, and the recording and its samples that they are judged on."""
+    runs = problem.recordings
+    if len(runs) > 1:
+        for k, run in enumerate(runs):
+            other = 1 - k
+            yield (
+                run.name,
+                replace(problem, recordings=(run,)),
+                other,
+                slice(0, runs[other].samples),
+            )
+        return
+    (run,), samples = runs, runs[0].samples
+    for name, ends, (begin, end) in (
+        ("first half", [(0.0, 0.5)], (0.52, 1.0)),
+        ("second half", [(0.5, 1.0)], (0.0, 0.48)),
+        ("first 70 %", [(0.0, 0.7)], (0.72, 1.0)),
+        ("two thirds", [(0.0, 0.33), (0.33, 0.66)], (0.68, 1.0)),
+    ):
+        parts = [
+            replace(run.slice(*(run.start_time + x * run.duration for x in part)), name=f"part {k}")
+            for k, part in enumerate(ends)
+        ]
+        span = slice(round(begin * samples), round(end * samples))
+        yield name, replace(problem, recordings=tuple(parts)), 0, span
+
+
+def records() -> None:
+    """Joints whose law changed, then how many became worse on the next motion."""
+    print("public records: mean square of the error on the next motion, by the law that was chosen")
+    joints, ratios = 0, []
+    with tempfile.TemporaryDirectory() as folder:
+        for record in (*EXAMPLE, *DRAFTED):
+            problem = replace(problem_of(record, Path(folder)), loop=None)
+            judges = [Judge(r) for r in problem.recordings]
+            for name, own, judged, span in divided(problem):
+                choice = choose_laws(own)
+                present, chosen = (
+                    judges[judged].score(identify(p, METHOD), [span])[0].rms_in_band
+                    for p in (own, choice.problem)
+                )
+                joints += len(choice.joints)
+                for k, joint in enumerate(choice.joints):
+                    if joint.is_changed:
+                        ratios.append((chosen[k] / present[k]) ** 2)
+                        change = f"{100 * (ratios[-1] - 1):+.1f} %"
+                        print(f"  {record}, {name}: {joint.joint} {joint.chosen.name}, {change}")
+    worse = [100 * (r - 1) for r in ratios if r > 1]
+    print(
+        f"  {joints} joints, {len(ratios)} with another law, {len(worse)} of them worse on the "
+        f"next motion, worst {max(worse, default=0.0):+.1f} %, mean of all "
+        f"{100 * (np.mean(ratios) - 1):+.1f} %",
+        flush=True,
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("parts", nargs="*", default=["plain", "rich", "kr300"])
@@ -124,8 +193,8 @@ def main() -> None:
     parser.add_argument("--motions", type=int, nargs="*", default=[2, 1])
     options = parser.parse_args()
     for part in options.parts:
-        if part == "kr300":
-            kr300()
+        if part in ("kr300", "records"):
+            {"kr300": kr300, "records": records}[part]()
             continue
         for motions in options.motions:
             arms(options.first, options.arms, part == "rich", motions)

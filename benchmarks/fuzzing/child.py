@@ -20,8 +20,7 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 
-#: Processor time that one input may take [s], and memory beyond what the process has [bytes].
-PATIENCE = 1.0
+#: Memory that one input may take beyond what the process has [bytes].
 MEMORY = 2 * 2**30
 
 #: Seconds after which the engine gives an input up and dies.
@@ -73,9 +72,9 @@ class Judge:
             kind = type(error).__name__
             self.found(kind, f"{_place(error)}: {str(error)[:200]}", data, _place(error))
         spent = time.process_time() - begin
-        if spent > PATIENCE and self._slow_again():
+        if spent > self.reader.patience and self._slow_again():
             self.found("slow", f"{spent:.1f} s", data)
-        elif spent <= PATIENCE:
+        elif spent <= self.reader.patience:
             self.slowest = max(self.slowest, spent)
 
     def _slow_again(self) -> bool:
@@ -83,7 +82,7 @@ class Judge:
         begin = time.process_time()
         with contextlib.suppress(BaseException):
             self.reader.read(self.input)
-        return time.process_time() - begin > PATIENCE
+        return time.process_time() - begin > self.reader.patience
 
     def tell(self) -> None:
         """Leave the counts where the parent finds them."""

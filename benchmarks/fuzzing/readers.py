@@ -17,6 +17,7 @@ import numpy as np
 from fuzzing import (
     array_inputs,
     bag_inputs,
+    command_inputs,
     json_inputs,
     table_inputs,
     toml_inputs,
@@ -45,6 +46,7 @@ class Reader:
         read: what is called with the file.
         grow: makes a new file; None: changes only.
         guided: whether the parser is ours, so that its branches can guide the search.
+        patience: processor time that one input may take [s].
     """
 
     file: str
@@ -53,6 +55,7 @@ class Reader:
     read: Callable[[Path], object]
     grow: Callable[[random.Random], bytes] | None = None
     guided: bool = True
+    patience: float = 1.0
 
     def mutated(self, data: bytes, rng: random.Random) -> bytes:
         """The next input from an earlier one, or from a seed: those reach deepest."""
@@ -276,6 +279,15 @@ READERS: dict[str, Reader] = {
         _TOML,
         _bounds,
         _grown_toml(toml_inputs.BOUNDS),
+    ),
+    "command": Reader(
+        "command.txt",
+        command_inputs.command_seeds,
+        command_inputs.spoilt_command,
+        command_inputs.run_command,
+        command_inputs.grown_command,
+        guided=False,
+        patience=20.0,
     ),
     "manifest": Reader(
         "manifest.json",

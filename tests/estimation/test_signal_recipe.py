@@ -23,6 +23,7 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.foundation.errors import ExperimentError
 from pivident.judgement.report.builder import render_report
+from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import read_urdf
 from pivident.signals.random_walk import half_power_frequencies
 from pivident.signals.random_walk_model import nvr_from_f50
@@ -91,6 +92,41 @@ def test_a_quiet_fast_record_has_the_recipe_of_the_literature():
 def test_no_rate_forbids_the_recipe_from_the_record(rate):
     found = settled_recipe(Bandpass(), [record(np.column_stack([walk(30.0, rate, 0)]), rate)])
     assert max(found.cutoff) < rate / 2 and found.bandwidth <= rate / 8
+
+
+@pytest.mark.parametrize(
+    ("highest", "size", "coloured", "white"),
+    [(11.0, 3e-4, 0.0, 100.0), (11.0, 1e-4, 200.0, 10.0), (24.0, 1e-4, 0.0, 10.0)],
+)
+def test_least_squares_thins_a_slow_log_where_that_is_surer(highest, size, coloured, white):
+    """Motion above an eighth of 100 Hz: in white noise, in noise that grows, or wrongly derived.
+
+    The whole rate is better in the first, the band in the others; errors are those of torques.
+    """
+    rate, robot, squares = 100.0, load_robot("emps"), []
+    t, omega = np.arange(2000) / rate, 2 * np.pi * np.array([0.3, 1.1, 3.0, highest])[:, None]
+    size, phase = np.array([0.1, 0.02, 2e-3, size])[:, None], np.arange(4.0)[:, None]
+    q = (size * np.sin(omega * t + phase)).sum(0)[:, None]
+    dq = (size * omega * np.cos(omega * t + phase)).sum(0)[:, None]
+    ddq = -(size * omega**2 * np.sin(omega * t + phase)).sum(0)[:, None]
+    exact = 95.0 * ddq + 200.0 * dq + 20.0 * np.sign(dq)
+    for seed in range(16):
+        rng = np.random.default_rng(seed)
+        noise = white * rng.standard_normal(t.size)
+        noise += coloured * np.diff(rng.standard_normal(t.size + 3), 3)
+        run = Recording.from_arrays(
+            q, exact + noise[:, None], rate, joint_names=robot.joint_names, torque_timing="sampled"
+        )
+        found = [
+            identify(Problem(robot, (run,)), LeastSquares(signals=recipe))
+            for recipe in (Bandpass(), Bandpass(bandwidth=rate / 8), Bandpass(decimation=1))
+        ]
+        squares.append([np.mean((i.predict(q, dq, ddq) - exact) ** 2) for i in found])
+        used = found[0].method_used.signals
+        assert used in [i.method_used.signals for i in found[1:]]
+    own, *given = np.mean(squares, axis=0)
+    assert np.ptp(given) > 0.05 * min(given)
+    assert own < 1.001 * min(given)
 
 
 def test_corrected_differences_keep_accelerations_at_low_rates():

@@ -92,7 +92,7 @@ def log() -> Columns:
 
 def short_log() -> Columns:
     """Enough for questions about the experiment file, and quickly looked at."""
-    return {name: column[:320] for name, column in log().items()}
+    return {name: column[:400] for name, column in log().items()}
 
 
 def csv(columns: Mapping[str, np.ndarray], separator: str = ",") -> str:

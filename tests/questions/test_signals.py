@@ -143,7 +143,7 @@ CASES = [
     signals("the torque was logged late", torques(lambda x: delayed(x, 10)), "torque", "9.995 ± 0.016 ms", "later than the positions", "delay"),
     signals("one torque was logged late", both("tau2")(lambda x: delayed(x, 8)), "elbow", "later"),
     signals("the positions were logged late", motion(lambda x: delayed(x, 10)), "torque", "earlier than the positions"),
-    signals("the declared delay is in milliseconds", torques(lambda x: delayed(x, 10)), "delay", "10 s late", "10 ms are 0.01", text=said(("files =", "delay = 10\nfiles ="))),
+    signals("the declared delay is in milliseconds", torques(lambda x: delayed(x, 10)), "delay", "10 s late", "10 ms are 0.01", text=said(("files =", "delay = 10\nfiles =")), code=1),
     signals("the torque is held for several samples", torques(lambda x: np.repeat(x[::4], 4)), "torque changes only once every 4 samples", "250 Hz", "control_rate", code=0),
     signals("the positions are repeated", positions(lambda x: np.repeat(x[::5], 5)), "position of shoulder changes only once every 5 samples", "200 Hz"),
     signals("the control rate is too low", log(), "control_rate is 250 Hz", "every sample", text=said(("files =", "control_rate = 250\nfiles ="))),

@@ -12,6 +12,7 @@ from pivident.signals.decimation import (
     decimation_offsets,
     decimation_overlap,
     decimation_stages,
+    fewest_samples,
     parallel_decimation,
 )
 
@@ -123,3 +124,13 @@ def test_factors_below_one_are_refused(factor):
 def test_too_short_a_record_is_refused():
     with pytest.raises(RecordingTooShort, match="at least"):
         parallel_decimation(np.zeros(200), 100)
+
+
+@pytest.mark.parametrize("convention", ["matlab", "scipy"])
+@pytest.mark.parametrize("factor", [1, 4, 25, (10, 10), (5, 4)])
+def test_the_filters_have_enough_of_the_fewest_samples(factor, convention):
+    fewest = fewest_samples(factor, convention)
+    assert len(parallel_decimation(np.ones((fewest, 1)), factor, convention=convention))
+    if factor != 1:
+        with pytest.raises(RecordingTooShort):
+            parallel_decimation(np.ones((fewest - 1, 1)), factor, convention=convention)

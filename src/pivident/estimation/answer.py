@@ -183,8 +183,7 @@ def law_findings(loop: Loop | None) -> tuple[list[Finding], list[Finding]]:
     if loop.identified is None:
         return [Finding("warning", "loop", "reconstructed", text) for text in loop.notes], []
     notes = [Finding("note", "law", "found", text) for text in loop.notes]
-    warnings = loop.identified.warnings
-    return notes, [Finding("note", "law", "uncertain", text) for text in warnings]
+    return notes, [Finding("note", "law", "uncertain", x) for x in loop.identified.warnings]
 
 
 def simulated_loop(problem: Problem, used: InstrumentsUsed | None) -> Loop | None:

@@ -56,7 +56,7 @@ from pivident.estimation.instrumental_variables import UnfilteredSteps
 from pivident.estimation.iteration import Pass, Signals, Simulated, start_number
 from pivident.estimation.kinematics import settled_recipe
 from pivident.estimation.method import Handles, Say
-from pivident.estimation.noise_identification import Prefilters, Whitening
+from pivident.estimation.noise_identification import MODEL_ERROR, Prefilters, Whitening
 from pivident.estimation.prefiltered_iv import PrefilteredIV, full_rate_start, piv
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass
@@ -292,9 +292,9 @@ class SimulatedSteps:
         records = records_without_instruments(
             [with_inner(regressor, m, load) for m in moved], signals.limits
         )
-        number = made + 1 - WITHOUT_NOISE_MODEL
-        fitted = self.whitening.fitted(prefilters, number, theta, records)
-        prefilters = prefilters if fitted.show_model_error else fitted
+        fitted = self.whitening.fitted(prefilters, made + 1 - WITHOUT_NOISE_MODEL, theta, records)
+        if all(model.excess <= MODEL_ERROR for model in fitted.models):
+            prefilters = fitted
         prefilters.exclude(records)
         return records, prefilters
 

@@ -174,8 +174,7 @@ class FullRateRecord:
                 parts = np.split(stack, range(width, len(stack), width))
                 z = parts[1] if self.has_instruments else None
                 further = parts[-2] if extra is not None else None
-                columns = parts[0], z, further, parts[-1][0]
-                rows[j] = make(j, columns, weighted(self, j, span))
+                rows[j] = make(j, (parts[0], z, further, parts[-1][0]), weighted(self, j, span))
 
             run_in_threads(work, joints)
             yield span, tuple(r for r in rows if r is not None)

@@ -463,5 +463,4 @@ def estimated_indices(identification: Identification, base: BaseParameters) -> n
 def _used(recording: FittedRecording, part: slice) -> tuple[np.ndarray, np.ndarray]:
     """Ones where a row is used, and the residual there, both (joints, samples)."""
     used = recording.used[part].T.astype(float)
-    residual = (recording.tau[part] - recording.tau_model[part]).T
-    return used, np.where(used > 0.0, residual, 0.0)
+    return used, np.where(used > 0.0, (recording.tau[part] - recording.tau_model[part]).T, 0.0)

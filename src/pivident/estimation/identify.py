@@ -72,13 +72,12 @@ def identify(
     if not isinstance(method, Method):
         raise IdentificationError(f"{method!r} is not a method", advice="use a name such as 'piv'")
     method.refuse(problem)
-    method = method.settled(problem.recordings)
     begin = perf_counter()
     noticed = (*method.about_torques(problem.recordings), *taken_as_zero(problem))
     with linear_algebra_in_one_thread(), Stages.of(progress) as say:
         while True:
             try:
-                result = method.estimate(problem, say, test_gains=test_gains)
+                result = method.settled(problem).estimate(problem, say, test_gains=test_gains)
                 break
             except RankDeficientRegressor as error:
                 if method.fits_simulation:  # holds what it cannot determine, or refuses

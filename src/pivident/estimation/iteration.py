@@ -285,17 +285,13 @@ def solve(steps: Steps, last: Pass, simulated: Simulated, prefilters: Prefilters
     """Step (b): (P-28), with weights λ_j from the residual of its own estimate."""
     problem, number, power = steps.signals.problem, last.number + 1, steps.method.weight_power
     records, prefilters = steps.equations(last, simulated, prefilters)
-    by_window = steps.always_by_window or number >= _earliest(steps)
+    highest = start_number(steps.method) + steps.method.max_iterations
+    by_window = steps.always_by_window or number >= min(steps.earliest, highest)
     sums = accumulate(problem.regressor, records, prefilters.filters, by_window)
     solution, variance = weighted_solution(sums, problem.restrictions, simulated.theta, power)
     return Estimate(
         number, solution.theta, simulated.theta, records, prefilters, sums, solution, variance
     )
-
-
-def _earliest(steps: Steps) -> int:
-    """Number of the first estimate that may be the last, at the latest that of the last one."""
-    return min(steps.earliest, start_number(steps.method) + steps.method.max_iterations)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,7 @@ from pivident.signals.algebraic import algebraic_derivative, half_gain_product
 from pivident.signals.bandpass import EDGE, bandpass
 from pivident.signals.coloured_walk_likelihood import NoiseColour
 from pivident.signals.counted_positions import has_visible_counts, nvr_of_counts
+from pivident.signals.decimation import fewest_samples
 from pivident.signals.instants import derivatives_at_instants, torque_at_instants
 from pivident.signals.random_walk import (
     SmoothedSignal,
@@ -74,8 +75,8 @@ def _kinematics(recording: Recording, signals: SignalRecipe) -> Kinematics:
     signals = settled_recipe(signals, [recording])
     walks = isinstance(signals, RandomWalk)
     ends = (EDGE, EDGE) if isinstance(signals, RandomWalk) else signals.ends(recording.rate)
-    if recording.samples < sum(ends) + MIN_RUN:
-        raise RecordingTooShort(recording.samples, sum(ends) + MIN_RUN)
+    if recording.samples < (needed := samples_needed(signals, recording.rate)):
+        raise RecordingTooShort(recording.samples, needed)
     f50 = encoder_std = np.full(recording.joints, np.nan)
     lines: tuple[tuple[SpectralLine, ...], ...] = ()
     smoothers: tuple[WalkSmoother | None, ...] = ()
@@ -124,6 +125,14 @@ def _kinematics(recording: Recording, signals: SignalRecipe) -> Kinematics:
         recording, q, dq, ddq, tau, start, stop, f50, encoder_std, lines, smoothers,
         measured=measured,
     )  # fmt: skip
+
+
+def samples_needed(signals: SignalRecipe, rate: float) -> int:
+    """Samples that a settled recipe drops at the ends, and those that it needs between them."""
+    if isinstance(signals, RandomWalk):
+        return 2 * EDGE + MIN_RUN
+    between = fewest_samples(signals.factor(rate), signals.convention)
+    return sum(signals.ends(rate)) + max(MIN_RUN, between)
 
 
 def settled_recipe(signals: SignalRecipe, recordings: Sequence[Recording]) -> SignalRecipe:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
 from pivident.estimation.answer import answer
+from pivident.estimation.covariance.sandwich import jackknife
 from pivident.estimation.decimated import decimate_record
 from pivident.estimation.equation_record import EquationRecord, accumulate
 from pivident.estimation.full_rate import records_without_instruments
@@ -21,17 +22,17 @@ from pivident.estimation.iteration import (
     has_settled,
     relative_change,
 )
-from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.kinematics import estimate_kinematics, settled_recipe
 from pivident.estimation.method import Handles, Method, Say
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import JointSums, Solution, relative_residual, solve
 from pivident.estimation.problem import BIASED, Problem
-from pivident.estimation.signal_recipes import Decimated
+from pivident.estimation.signal_recipes import Bandpass, Decimated
 from pivident.foundation.common_work import once
 from pivident.foundation.options import option
 from pivident.foundation.progress import IterationLine
 from pivident.foundation.text.finding import Finding
-from pivident.loop.motion.motion import Kinematics, SpeedLimits, with_inner
+from pivident.loop.motion.motion import MOTION_BAND, Kinematics, SpeedLimits, with_inner
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,11 +88,42 @@ class LeastSquares(Method):
         """Options that a file may set: weights have names of their own, ``ls`` and ``ols``."""
         return ("signals",)
 
+    def settled(self, problem: Problem) -> Self:
+        """With cut-offs and band in numbers; a slow log is thinned only where that is surer."""
+        thinned, own = super().settled(problem), self.signals
+        if not isinstance(own, Bandpass) or own.decimation or own.bandwidth:
+            return thinned
+        recipe = settled_recipe(replace(own, decimation=1), problem.recordings)
+        whole = replace(self, signals=recipe)
+        slow = own.band(min(r.rate for r in problem.recordings)) < MOTION_BAND
+        return whole if slow and is_surer(problem, whole, thinned) else thinned
+
     def estimate(self, problem: Problem, say: Say, *, test_gains: bool = True) -> Identification:
         """One solution, or several where friction grows with the load."""
         say(f"{self.label}: filtering the records")
         kinematics = [estimate_kinematics(r, self.signals) for r in problem.recordings]
         return least_squares_on(problem, self, kinematics, say)
+
+
+def is_surer(problem: Problem, other: LeastSquares, than: LeastSquares) -> bool:
+    """Whether one method knows the torques of its own record better than another.
+
+    A wider band has more rows, with errors that may be larger and derivatives that may be wrong:
+    the variance of the torques tr(P Σ_j ΦᵀΦ/λ_j), P from windows of time, Φ and λ of ``than``, is
+    larger, or the torques of both are further apart than their variances together.
+    """
+    fits = []
+    for method in (than, other):
+        kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
+        fits.append(settled_least_squares(problem, method, kinematics, lambda line: None)[0])
+    freedom = problem.restrictions.freedom
+    known, found = (jackknife(f.sums, f.theta, f.variance, freedom=freedom) for f in fits)
+    information = np.zeros_like(known.covariance)
+    for joint, variance in zip(fits[0].sums, fits[0].variance, strict=True):
+        information[np.ix_(joint.columns, joint.columns)] += joint.ff / variance
+    of_known, of_found = (float(np.sum(j.covariance * information)) for j in (known, found))
+    apart = fits[1].theta - fits[0].theta
+    return of_found < of_known and apart @ information @ apart <= of_known + of_found
 
 
 #: Least squares, weighted and not.

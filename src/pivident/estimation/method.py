@@ -234,13 +234,13 @@ class Method(Options):
         """Its options as plain values, which a result keeps."""
         return asdict(self)
 
-    def settled(self, recordings: Sequence[Recording]) -> Self:
+    def settled(self, problem: Problem) -> Self:
         """With cut-offs or windows in numbers, where the record decides on them.
 
         Args:
-            recordings: the runs.
+            problem: what is given.
         """
-        signals = settled_recipe(self.signals, recordings)
+        signals = settled_recipe(self.signals, problem.recordings)
         return self if signals is self.signals else replace(self, signals=signals)
 
     def refuse(self, problem: Problem) -> None:

@@ -109,11 +109,6 @@ class Prefilters:
         """Orders of the noise models."""
         return tuple(m.order for m in self.models)
 
-    @property
-    def show_model_error(self) -> bool:
-        """Whether a joint's residual is mostly model error in the motion's band."""
-        return any(m.excess > MODEL_ERROR for m in self.models)
-
     def exclude(self, records: Sequence[EquationRecord]) -> None:
         """Use standstill where it is worth it, and exclude what filters remember of others."""
         for record in records:

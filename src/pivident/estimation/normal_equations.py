@@ -197,7 +197,7 @@ class JointSums:
             stack *= used.astype(float)
             rows = int(np.count_nonzero(used))
         if weights is not None:
-            self.surplus += float(weights @ _ones(used, weights)) - rows
+            self.surplus += float(np.sum(weights, where=True if used is None else used)) - rows
             stack *= np.sqrt(weights)
         least_squares = len(stack) == k + 1
         phi, z = slice(0, k), slice(0, k) if least_squares else slice(k, 2 * k)
@@ -237,8 +237,7 @@ class JointSums:
         solution = np.linalg.pinv(self.ff / np.outer(scale, scale), rcond=1e-12, hermitian=True) @ (
             self.ft / scale
         )
-        remainder = self.tt - float(self.ft / scale @ solution)
-        return self._variance(remainder)
+        return self._variance(self.tt - float(self.ft / scale @ solution))
 
     def variance(self, theta: np.ndarray) -> float:
         """λ: residual variance for all parameters ``theta``, with its degrees of freedom."""
@@ -336,11 +335,6 @@ def _scales(gram: np.ndarray) -> np.ndarray:
     """Length of each column, one where a column is empty."""
     length = np.sqrt(np.diag(gram))
     return np.where(length > 0, length, 1.0)
-
-
-def _ones(used: np.ndarray | None, like: np.ndarray) -> np.ndarray:
-    """One where a sample is used, zero elsewhere."""
-    return np.ones(like.size) if used is None else used.astype(float)
 
 
 def _evidence(sums: Sequence[JointSums], freedom: Freedom) -> tuple[np.ndarray, np.ndarray]:

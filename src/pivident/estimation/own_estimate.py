@@ -114,8 +114,7 @@ class OwnMethod(Regression):
         """The function's estimate, checked."""
         assert self.estimator is not None
         made = self.estimator(phi, tau)
-        with_covariance = isinstance(made, tuple) and len(made) == 2
-        theta, covariance = made if with_covariance else (made, None)
+        theta, covariance = made if isinstance(made, tuple) and len(made) == 2 else (made, None)
         return checked(self.label, phi.shape[1], theta, covariance)
 
 

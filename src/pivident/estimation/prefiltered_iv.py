@@ -250,7 +250,10 @@ class PrefilteredIV(InstrumentalMethod):
             return direct
         if inverse.loop is None:
             return direct
-        return min(direct, inverse, key=lambda one: (not one.converged, _log_deviation(one)))
+        free = ~signals.problem.restrictions.is_fixed
+        return min(
+            direct, inverse, key=lambda i: (not i.converged, np.log(i.method_std[free]).mean())
+        )
 
 
 #: IDIM-PIV, and as the paper prints it.
@@ -298,11 +301,6 @@ def _identified(signals: Signals, method: PrefilteredIV, say: Say) -> Identifica
     warnings = loop_warnings(signals.problem, estimate, used)
     warnings += made.whitening.warnings(estimate.prefilters)
     return answer(signals.problem, method, estimate, run, warnings, used)
-
-
-def _log_deviation(found: Identification) -> float:
-    """Mean of ln σ over the parameters that are not fixed."""
-    return float(np.mean(np.log(found.method_std[~found.restrictions.is_fixed])))
 
 
 Iterated = TypeVar("Iterated")

@@ -364,14 +364,12 @@ class Problem(Printed):
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the estimated parameters."""
-        names = self.base.names
-        return tuple(names[k] for k in self.selection)
+        return tuple(map(self.base.names.__getitem__, self.selection))
 
     @cached_property
     def expressions(self) -> tuple[str, ...]:
         """Their groups written out."""
-        expressions = self.base.expressions
-        return tuple(expressions[k] for k in self.selection)
+        return tuple(map(self.base.expressions.__getitem__, self.selection))
 
     @cached_property
     def silent_joints(self) -> tuple[str, ...]:

@@ -171,8 +171,7 @@ class Restrictions:
             chosen: their indices; equalities that others stand in are left out.
         """
         k = np.asarray(chosen, dtype=int)
-        others = np.setdiff1d(np.arange(len(self.names)), k)
-        rows = ~self.matrix[:, others].any(axis=1)
+        rows = ~np.delete(self.matrix, k, axis=1).any(axis=1)
         return Restrictions(
             tuple(self.names[i] for i in k), self.matrix[rows][:, k], self.right[rows],
             self.low[k], self.high[k], self.mean[k], self.information[np.ix_(k, k)],
@@ -234,7 +233,7 @@ class Restrictions:
             for k in sorted(wrong) if patience > 0 else [min(wrong)]:
                 if k in held:
                     del held[k]
-                elif self._may_hold(held, k):
+                elif self._held(held)[0].basis[k].any():  # still free to be brought there
                     held[k] = float(self.low[k] if low[k] else self.high[k])
             theta = self._held(held)[0].solve(gram, moment)
         raise IdentificationError(
@@ -246,10 +245,6 @@ class Restrictions:
         """Freedom with some parameters at bounds, and all rows of A then."""
         rows = np.vstack([self.matrix, np.eye(len(self.names))[list(held)]])
         return self._freedom(rows, np.append(self.right, list(held.values()))), rows
-
-    def _may_hold(self, held: dict[int, float], k: int) -> bool:
-        """Whether a parameter is still free to be brought to its bound."""
-        return bool(self._held(held)[0].basis[k].any())
 
     def _let_go(
         self, gram: np.ndarray, moment: np.ndarray, theta: np.ndarray, held: dict[int, float]

@@ -48,7 +48,7 @@ class Bandpass(Decimated):
         order: order of the Butterworth filter.
         decimation: factor n_d, or its stages (10, 10); None: to ``bandwidth``.
         bandwidth: frequency kept by the decimation [Hz]: n_d = (rate/2)/bandwidth. None: 20 Hz,
-            where the motion of an arm ends, or an eighth of a rate below 160 Hz.
+            where an arm's motion ends, or an eighth of a rate below 160 Hz (or all, by `ls`).
         convention: whose ``decimate`` is followed at the ends, ``matlab`` or ``scipy``.
         median: length of a median filter before, 1 for none.
         padlen: samples the zero-phase filters extend the record by; None: scipy's choice.

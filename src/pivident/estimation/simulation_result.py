@@ -32,8 +32,7 @@ class LoopParameter:
         """Confidence interval, of one side where a bound holds the value."""
         half = float(normal.ppf(0.5 * (1.0 + level))) * self.std
         low = self.value if self.bound == "low" else self.value - half
-        high = self.value if self.bound == "high" else self.value + half
-        return low, high
+        return low, self.value if self.bound == "high" else self.value + half
 
 
 @dataclass(frozen=True, eq=False)

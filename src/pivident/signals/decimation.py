@@ -108,6 +108,14 @@ def decimation_offsets(
     return tuple(offsets)
 
 
+def fewest_samples(factor: int | Sequence[int], convention: Convention = "matlab") -> int:
+    """Samples of which the filters of all stages have enough."""
+    fewest = 1
+    for stage in reversed(decimation_stages(factor)):
+        fewest = max(PADLEN[convention] + 1, (fewest - 1) * stage + 1)
+    return fewest
+
+
 def decimation_gain(frequency: np.ndarray, rate: float, factor: int | Sequence[int]) -> np.ndarray:
     """Gain of all stages for a component of the record at a frequency [Hz], Π |H_r(f)|².
 

@@ -92,6 +92,8 @@ def test_nothing_is_overwritten(folder, capsys):
     assert (folder / "experiment.toml").read_text(encoding="utf-8") == "mine"
     assert (folder / "log.csv").read_text(encoding="utf-8").startswith('"time"')
     assert main(["init"]) == 2
+    assert main(["init", "log.csv", "--robot", "planar_" + "9" * 5000, "--force"]) == 1
+    assert "the gallery has no robot 'planar_999" in capsys.readouterr().err  # no name of a file
     assert sorted(path.name for path in folder.iterdir()) == ["experiment.toml", "log.csv"]
 
 

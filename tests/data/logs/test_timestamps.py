@@ -161,3 +161,9 @@ def test_samples_that_nearly_coincide_make_no_steep_spline():
     t[201] = t[200] + 1e-6
     q = 1e-4 * np.random.default_rng(5).standard_normal((400, 1))
     assert np.abs(timestamps.resample_smooth(t, q, np.arange(1, 390) / 100.0)).max() < 1e-3
+
+
+@pytest.mark.parametrize("samples", [2, 3, 5, timestamps.MIN_SAMPLES])
+def test_of_a_few_samples_stamps_are_neither_better_nor_worse(samples):
+    t = np.cumsum(np.r_[0.0, np.linspace(1.0, 2.0, samples - 1)])
+    assert np.isnan(timestamps.stamp_error(np.sin(t)[:, None], t))

@@ -249,3 +249,15 @@ def test_a_log_without_positions_is_not_ok(tmp_path, name):
     (finding,) = [f for f in audit.findings if f.severity == "error"]
     assert finding.message.startswith("log.csv has no positions") and f"{name}_3" in finding.message
     assert audit.severity == "error"
+
+
+def test_a_last_row_that_breaks_off_behind_its_stamp(tmp_path):
+    path = tmp_path / "log.csv"
+    table = np.column_stack(
+        [np.arange(300) / 500.0, *np.random.default_rng(0).normal(size=(4, 300))]
+    )
+    rows = ["t,q1,q2,tau1,tau2", *(",".join(map(str, row)) for row in table.tolist()), "0.6"]
+    path.write_text("\n".join(rows), encoding="utf-8")
+    columns = {"q": ["q1", "q2"], "tau": ["tau1", "tau2"]}
+    log = described_log(path, columns, robot=load_robot("planar_2r"), rate=500.0)
+    assert log.clock is not None and len(log.clock) == len(log.channels["q"]) == 300

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.foundation.errors import RecordingError
+from pivident.judgement.audit.inverse_model import build_inverse_model
 from pivident.judgement.audit.steps import unsteady_steps
 from pivident.judgement.audit.timing import check_timing
 from tests.judgement.audit.logs import only_rows, planar
@@ -35,6 +37,22 @@ def test_a_clock_that_was_set_is_not_an_hour_of_lost_samples():
     t[3000:] -= 3599.0  # lost samples: shorter than the log
     (finding,) = serious(clocked(t))
     assert "1000 sample(s) are missing in 1 gap(s); the longest lasts 1.001 s" in finding.message
+
+
+def test_a_jump_of_decades_asks_for_no_memory():
+    t = np.arange(5000) * 1e-3
+    t[3000:] += 3e9
+    log = clocked(t)
+    with pytest.raises(RecordingError, match="gaps in the log are longer than its samples"):
+        build_inverse_model(log, check_timing(log))
+
+
+def test_a_first_stamp_above_all_others_is_backward_time():
+    t = np.arange(5000) * 1e-3
+    t[0] = 100.0
+    backward = next(f for f in serious(clocked(t)) if f.kind == "backward")
+    assert backward.sample == 1
+    assert check_timing(clocked(t)).rate == pytest.approx(1000.0)
 
 
 def test_jitter():

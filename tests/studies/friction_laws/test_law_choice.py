@@ -165,6 +165,15 @@ def test_a_change_that_adds_an_unknown_has_to_be_significant_among_all_that_were
     assert verdict("none", 3, PLAIN.errors + 0.01, -50.0) == "no gain beyond a standard error"
 
 
+def test_a_gain_has_to_show_in_sum_and_cell_by_cell():
+    loud_and_quiet = [20.0, 0.2, 19.0, 0.21, 20.0, 0.2, 21.0, 0.19]
+    plain = score("plain", 3, loud_and_quiet, 0.0)
+    lower = np.array([0.9, 1.3, 0.91, 1.28, 0.9, 1.3, 0.89, 1.31])  # where it is loud alone
+    for factors, reason in ((lower, "no gain beyond a standard error"), (lower - 0.4, "")):
+        (made,) = judged([score("new", 3, factors * loud_and_quiet, -9.0)], plain, RECORDINGS, 9)
+        assert made.verdict == reason
+
+
 def test_a_law_must_not_be_worse_on_one_of_the_motions():
     one = [0.1, 0.12, 0.1, 0.11, 2.3, 2.2, 2.25, 2.4]
     assert verdict("fits A only", 3, one, -50.0) == "worse on B"

@@ -176,3 +176,6 @@ def test_whole_recordings_are_held_out_of_joints_that_move_in_several():
     assert by_name["fastest part"] == [1, 2, 3]
     assert by_name["most loaded part"] == by_name["last part"] == [5, 6, 7]
     assert by_name["least loaded part"] == by_name["first part"] == [0, 1, 2]
+    few = Cells(Segments((), 2), np.array([0, 1]), ("A", "B"), 4, 0.1)  # and fewer than blocks
+    held_out = [d.held_out.tolist() for d in few.divisions(np.array([1.0, 0.0]), np.ones(2))]
+    assert len(held_out) == 8 and all(map(any, held_out))

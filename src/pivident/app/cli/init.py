@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -162,9 +163,9 @@ def check_target(out: Path, logs: Sequence[Path], robot: str | None, force: bool
     """Refuse to overwrite an experiment file that exists, or one of the inputs."""
     if out.suffix != ".toml":
         raise PividentError(f"--out {out} must end with .toml", advice="choose another name")
-    inputs = [*logs, *([Path(robot)] if robot else [])]
+    inputs: list[str | Path] = [*logs, *([robot] if robot else [])]
     if out.is_dir() or any(
-        path.exists() and out.exists() and path.samefile(out) for path in inputs
+        os.path.exists(path) and out.exists() and out.samefile(path) for path in inputs
     ):
         raise PividentError(
             f"{out} is a folder or one of the inputs", advice="choose another --out"

@@ -119,9 +119,8 @@ def _with_clocks(log: Log, paths: Mapping[str, Path]) -> Log:
             continue
         names = [name for name in names_in(path) if names_time(name) and name not in stamps]
         found = numeric_columns(lenient_table(path, names)) if names else {}
-        stamps |= {
-            n: log.rows_kept(v) for n, v in found.items() if n not in stamps and is_clock(n, v)
-        }
+        # a last row that breaks off may still have its stamp
+        stamps |= {n: log.rows_kept(v)[: log.samples] for n, v in found.items() if is_clock(n, v)}
     with concerning("units", "t"):
         clocks, unit, notes = clocks_in(stamps, log.description.units.get("t"))
     size = next(iter(log.logged.values())).shape[1] if log.logged else 0
@@ -291,6 +290,5 @@ def _bag_log(run: Run, found: JointMap, robot: Robot | None) -> Log:
     taken = "; ".join(f"{kind} = {own[0]} …" for kind, own in columns.items())
     notes = [TAKEN.format(source="the types of the messages", taken=escaped(taken))]
     if file.aside:
-        listed = escaped(", ".join(file.aside[:5]))
-        notes.insert(0, f"Other topics with positions: {listed}.")
+        notes.insert(0, f"Other topics with positions: {escaped(', '.join(file.aside[:5]))}.")
     return replace(log, notes=(*notes, *log.notes))

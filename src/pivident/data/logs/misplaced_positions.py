@@ -40,8 +40,7 @@ def cuts(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
     """
     if len(q) < MIN_ROWS:
         return np.empty(0, int)
-    places = [np.array(excursions(x, t)[1], int) for x in q.T]
-    return np.unique(np.concatenate(places)) + 1
+    return np.unique(np.concatenate([np.array(excursions(x, t)[1], int) for x in q.T])) + 1
 
 
 def frozen_positions(x: np.ndarray) -> np.ndarray:

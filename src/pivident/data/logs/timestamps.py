@@ -252,8 +252,10 @@ def stamp_error(q: np.ndarray, t: np.ndarray) -> float:
         t: increasing stamps, shape (samples,) [s].
 
     Returns:
-        Ratio of the median errors; NaN where nothing moves.
+        Ratio of the median errors; NaN where nothing moves, or of a few samples.
     """
+    if len(t) <= MIN_SAMPLES:
+        return float("nan")
     length = np.diff(t) / np.median(np.diff(t))
     even = _interpolation_error(q, np.arange(len(t), dtype=float))
     stamped = _interpolation_error(q, np.r_[0.0, np.cumsum(length)])

@@ -12,7 +12,6 @@ have to be white in time, and noise in the observation matrix biases it as it do
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -96,8 +95,9 @@ def _sums(rows: Rows, noise: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, 
     windows = windows_of(rows.lengths)
     count = sum(own.count for own in windows)
     gram, moment = np.zeros((count, rows.size, rows.size)), np.zeros((count, rows.size))
-    for pattern, where in _patterns(used):
-        active = np.flatnonzero(pattern)
+    patterns, which = np.unique(used, axis=1, return_inverse=True)
+    for k, pattern in enumerate(patterns.T):  # which joints count together, and on which rows
+        active, where = np.flatnonzero(pattern), np.flatnonzero(which.ravel() == k)
         if not active.size:
             continue
         # Λ⁻¹ = Wᵀ W, so that rows W Φ have errors that are independent and of unit variance
@@ -110,13 +110,6 @@ def _sums(rows: Rows, noise: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, 
                     stack[-1] += share * own.tau[where]
             _add(stack, where, rows, gram, moment)
     return gram, moment
-
-
-def _patterns(used: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Which joints count together, and on which rows."""
-    patterns, which = np.unique(used, axis=1, return_inverse=True)
-    for k in range(patterns.shape[1]):
-        yield patterns[:, k], np.flatnonzero(which.ravel() == k)
 
 
 def _add(

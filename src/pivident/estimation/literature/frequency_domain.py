@@ -133,7 +133,7 @@ class FrequencyDomain(Method):
                 advice="of its signals it takes cutoff and bandwidth of a bandpass",
             ).about("signals")
 
-    def settled(self, recordings: Sequence[Recording]) -> Self:
+    def settled(self, problem: Problem) -> Self:
         """As it is: the highest lines are found with the periods."""
         return self
 

@@ -141,7 +141,8 @@ def parameter_box(rows: Rows, bound: np.ndarray | None, start: np.ndarray) -> Pa
         largest = np.abs(rows.residuals(start)).max(axis=1)
         bound = MARGIN * np.maximum(largest, SLACK * largest.max()) * rows.root
     program = _Program(rows, np.asarray(bound, float) / rows.root)
-    if program.largest_error(start) > 1.0 and (least := program.least(start)) > 1.0 + SLACK:
+    share = np.abs(rows.residuals(start)) / program.relative[:, None]
+    if share.max() > 1.0 and (least := program.least(start)) > 1.0 + SLACK:
         raise _contradiction(rows, program, bound, least)
     low, high = np.empty((2, rows.size))
     for i in range(rows.size):
@@ -188,10 +189,6 @@ class _Program:
         #: Joint and row on which the least m rests most: it would fall fastest if this bound were
         #: wider.
         self.worst = (0, 0)
-
-    def largest_error(self, theta: np.ndarray) -> float:
-        """Largest |τ - Φθ|/ε."""
-        return float((np.abs(self.rows.residuals(theta)) / self.relative[:, None]).max())
 
     def least(self, start: np.ndarray) -> float:
         """The smallest m with |τ - Φθ| ≤ m ε on all rows (Chebyshev's approximation)."""

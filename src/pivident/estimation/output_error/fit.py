@@ -230,7 +230,8 @@ class _Search:
 
     def _change(self, point: Point, solved: WeightedStep, step: np.ndarray) -> float:
         """Largest |δ| / max(|p|, 5σ) of a step."""
-        size = np.maximum(np.abs(point.values), NEAR_ZERO * self._formula_std(solved))
+        covariance = inverse_of_free(solved.equations.gram, ~solved.held & ~solved.bound)
+        size = np.maximum(np.abs(point.values), NEAR_ZERO * np.sqrt(np.diag(covariance)))
         return float(np.max(np.abs(step) / np.maximum(size, 1e-300), initial=0.0))
 
     def _has_settled(self, solved: WeightedStep) -> bool:
@@ -249,12 +250,6 @@ class _Search:
         kept = np.flatnonzero(~solved.held & ~solved.bound)
         std = np.sqrt(np.diag(solved.equations.scores_without(step, kept).covariance))
         return bool((np.abs(step[kept]) <= self.options.tolerance * std).all())
-
-    def _formula_std(self, solved: WeightedStep) -> np.ndarray:
-        """√diag H⁻¹ of the free unknowns, zero for the others."""
-        return np.sqrt(
-            np.diag(inverse_of_free(solved.equations.gram, ~solved.held & ~solved.bound))
-        )
 
     def _advance(
         self, point: Point, solved: WeightedStep, damping: float

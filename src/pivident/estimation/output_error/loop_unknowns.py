@@ -126,8 +126,7 @@ def within_bounds(
             raise ExperimentError(
                 f"bounds names {name!r}, which is not sought", advice=nearest(name, list(names))
             ).about("bounds")
-        own = made[names[name]]
-        made[names[name]] = replace(own, low=low, high=high)
+        made[names[name]] = replace(made[names[name]], low=low, high=high)
     return made
 
 

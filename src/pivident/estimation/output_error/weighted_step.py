@@ -170,18 +170,14 @@ class WeightedSteps:
 
     def cost(self, point: Point, noise: NoiseWeights) -> float:
         """Weighted squares of the errors, with that of the initial states' prior."""
-        total = self._prior(point.starts)
-        for own in point.made:
-            total += loss(whitened_errors(own, noise), noise.variance, self.options.robust)
-        return total
-
-    def _prior(self, starts: Sequence[np.ndarray]) -> float:
-        """Squares of the initial states' distance from what was given."""
-        return sum(
+        total = sum(
             float(np.sum((own / s.start_std) ** 2))
-            for own, s in zip(starts, self.stretches, strict=True)
+            for own, s in zip(point.starts, self.stretches, strict=True)
             if s.start_std is not None
         )
+        for made in point.made:
+            total += loss(whitened_errors(made, noise), noise.variance, self.options.robust)
+        return total
 
     def left(self, point: Point, solved: WeightedStep) -> list[np.ndarray]:
         """Errors that a step leaves, by the derivatives: e - J δ."""

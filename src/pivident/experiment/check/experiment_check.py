@@ -202,8 +202,8 @@ class _Check:
         if len(models) < 2 or models[0].excitation is None:
             return
         self.remarks = [r for r in self.remarks if r.topic != "excitation"]
-        together = models[0].excitation.findings
-        self.remarks += [of_finding(f) for f in together if f.severity != "ok"]
+        said = models[0].excitation.findings
+        self.remarks += [of_finding(f) for f in said if f.severity != "ok"]
 
 
 #: What this check looks at.
@@ -266,8 +266,7 @@ def _same_motion(first: Recording, second: Recording) -> bool:
         s.sha256 for s in second.sources
     }:
         start = max(first.start_time, second.start_time)
-        stop = min(first.start_time + first.duration, second.start_time + second.duration)
-        return stop > start
+        return start < min(r.start_time + r.duration for r in (first, second))
     shorter = min(first.samples, second.samples)
     return np.allclose(first.q[:shorter], second.q[:shorter], rtol=0.0, atol=1e-12)
 

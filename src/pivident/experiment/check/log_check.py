@@ -102,7 +102,8 @@ def check_log(
         remarks += _placed(further, place)
     slow = entry.rate is not None and entry.rate < LOWEST_RATE
     if entry.delay is not None and abs(entry.delay) > MAX_DELAY:
-        remarks.append(of_finding(_long_delay(entry.delay), place))
+        leaves = audit.timing.rate and abs(entry.delay) * audit.timing.rate >= log.samples
+        remarks.append(of_finding(_long_delay(entry.delay), place, bool(leaves)))
     if not slow and not any(f.declared in (RATE, NO_CLOCK) for f in audit.findings):
         # a motion with holes would jump over them
         whole = {key: filled(values, key != "tau") for key, values in log.channels.items()}

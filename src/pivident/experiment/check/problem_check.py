@@ -17,10 +17,10 @@ from pivident.data.recording.recording import Recording
 from pivident.dynamics.base_parameters import base_parameters, parameter_index
 from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.parameters import nominal_values
-from pivident.estimation.kinematics import MIN_RUN, settled_recipe
+from pivident.estimation.kinematics import samples_needed, settled_recipe
 from pivident.estimation.method import Method
 from pivident.estimation.problem import TOPIC, Problem
-from pivident.estimation.signal_recipes import Bandpass, RandomWalk
+from pivident.estimation.signal_recipes import Bandpass
 from pivident.experiment.check.actuators_check import check_actuators
 from pivident.experiment.check.gains_check import CONTROLLER, of_joint
 from pivident.experiment.check.plan import Plan, plan_of
@@ -40,7 +40,6 @@ from pivident.judgement.validation.held_out.folds import Division, division_of
 from pivident.loop.motion.planted_feet import on_planted_feet
 from pivident.robot.description import Robot
 from pivident.robot.mounted import carrier_of
-from pivident.signals.bandpass import EDGE
 
 #: Another number of held-out blocks than the file asks for.
 FOLDS = FindingKind(Topic("validation"), "folds", ("validation", "folds"))
@@ -317,19 +316,17 @@ def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]
 
 def _too_short(recording: Recording, methods: Mapping[str, Method]) -> list[Finding]:
     """A recording of which the filters leave too little between its ends."""
-    needed = {}
-    for name, method in methods.items():
-        signals = settled_recipe(method.signals, [recording])
-        ends = (EDGE, EDGE) if isinstance(signals, RandomWalk) else signals.ends(recording.rate)
-        needed[name] = sum(ends) + MIN_RUN
+    needed = {
+        name: samples_needed(settled_recipe(method.signals, [recording]), recording.rate)
+        for name, method in methods.items()
+    }
     name = max(needed, key=needed.__getitem__, default="")
     if not needed or recording.samples >= needed[name]:
         return []
-    seconds = needed[name] / recording.rate
     text = (
-        f"{recording.name} is too short for {name!r}: {recording.samples} samples, of which its "
-        f"filters drop {needed[name] - MIN_RUN} at the ends; {needed[name]} are needed, "
-        f"{seconds:.3g} s at {recording.rate:g} Hz."
+        f"{recording.name} is too short for {name!r}: {recording.samples} samples; its filters, "
+        f"which drop those at the ends, need {needed[name]}, {needed[name] / recording.rate:.3g} s "
+        f"at {recording.rate:g} Hz."
     )
     step = "Take a longer part, or log for longer."
     return [TOO_SHORT.finding("error", text, recording.name, step)]

@@ -121,8 +121,7 @@ def torque_side_evidence(log: Log, timing: Timing, model: InverseModel) -> Torqu
     if not _has_rotors_and_friction(model.robot):
         robot = replace(model.robot, torque_side="motor", couplings=(), friction_nominal={})
         robot = robot.with_friction(DEFAULT_FRICTION)
-        own = build_inverse_model(replace(log, robot=robot), timing)
-        model = replace(own, shift=model.shift)
+        model = replace(build_inverse_model(replace(log, robot=robot), timing), shift=model.shift)
     robot, parameters = model.robot, model.base.parameters
     estimates = _replicates(model)
     postures = model.q[np.linspace(0, len(model.q) - 1, POSTURES).astype(int)]

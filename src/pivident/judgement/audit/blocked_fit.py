@@ -66,8 +66,7 @@ def _solved(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 def jackknife(replicates: np.ndarray) -> np.ndarray:
     """Deviation of a statistic from its values with one block left out, √((B-1)/B Σ (x - x̄)²)."""
-    blocks = len(replicates)
-    return np.sqrt((blocks - 1) * np.var(replicates, axis=0))
+    return np.sqrt((len(replicates) - 1) * np.var(replicates, axis=0))
 
 
 def blocked_fit(columns: np.ndarray, y: np.ndarray, block: np.ndarray) -> BlockedFit:

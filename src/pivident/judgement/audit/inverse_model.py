@@ -403,9 +403,9 @@ def uniform(
             raise RecordingError("the clock stands still or runs backward in half of the log")
     invented = np.zeros(len(q), dtype=bool)
     if missing.any() or not timing.regular:
-        grid = np.arange(t[0], t[-1], 1.0 / rate)
-        if len(grid) > 2 * len(q):
+        if (t[-1] - t[0]) * rate > 2 * len(q):
             raise RecordingError("the gaps in the log are longer than its samples")
+        grid = np.arange(t[0], t[-1], 1.0 / rate)
         near = np.searchsorted(t, grid).clip(1, len(t) - 1)
         invented = t[near] - t[near - 1] > 2.5 / rate
         q, tau = (resample_smooth(t, x[index], grid) for x in (q, tau))

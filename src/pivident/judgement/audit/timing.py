@@ -211,8 +211,7 @@ def _one_clock(
         if regular:
             left = stretches(finite)
             left = replace(left, resample=False) if log.resample else left
-            advice = left.advice()
-            step = f"{capital(advice)}."
+            step = f"{capital(left.advice())}."
             repairs = _without_gaps(left)
         missing = Quantity(float(lost), "samples")
         apart = regular and (log.resample or not left.resample) and bool(left.parts)
@@ -257,7 +256,8 @@ def _one_clock(
         regular = False
     else:
         findings.append(harmless)
-    rate = mean_rate(finite[np.r_[True, np.diff(np.maximum.accumulate(finite)) > 0]])
+    rising = finite[np.r_[True, np.diff(np.maximum.accumulate(finite)) > 0]]
+    rate = mean_rate(rising) if len(rising) > 1 else 1.0 / period  # the first may be the highest
     if not LIKELY_RATES[0] <= rate <= LIKELY_RATES[1]:
         text = f"The stamps advance at {rate:.4g} Hz, unlike any robot's log."
         step = 'Give the unit of the stamps: units = {t = "ms"} or "us", "ns".'

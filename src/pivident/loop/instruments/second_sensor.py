@@ -154,13 +154,13 @@ def explained_noise(x: np.ndarray, y: np.ndarray, rate: float) -> np.ndarray:
 
 def _explained(x: np.ndarray, y: np.ndarray) -> float:
     """Adjusted share of the variance of y, (samples,), that lags of x explain."""
-    lagged = np.lib.stride_tricks.sliding_window_view(x, 2 * LAGS + 1)
     y = y[LAGS : len(y) - LAGS]
-    lagged, y = lagged - lagged.mean(axis=0), y - y.mean()
-    freedom = len(y) - lagged.shape[1] - 1
-    total = float(y @ y)
-    if total == 0.0 or freedom < 1:
+    freedom = len(y) - 2 * (LAGS + 1)
+    if freedom < 1 or not np.ptp(y):
         return 0.0
+    lagged = np.lib.stride_tricks.sliding_window_view(x, 2 * LAGS + 1)
+    lagged, y = lagged - lagged.mean(axis=0), y - y.mean()
+    total = float(y @ y)
     rest = y - lagged @ np.linalg.lstsq(lagged, y, rcond=None)[0]
     return 1.0 - float(rest @ rest) / total * (len(y) - 1) / freedom
 

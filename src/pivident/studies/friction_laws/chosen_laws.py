@@ -5,7 +5,8 @@ Rules by which one friction law is preferred to another.
 Errors of two laws are compared cell by cell of the motion, and neighbouring cells count as far as
 they are independent. There are two measures: the mean square error, and the mean of (a - b)/(a + b)
 of the cells' errors, in which no cell outweighs the others. A change has to gain more than a
-standard error in one of them. One that adds an unknown has to be significant as well, unless the
+standard error in both: gained in a few cells alone, or on average but not in sum, it does not show
+on the next motion. One that adds an unknown has to be significant as well, unless the
 present law has an impossible sign that it repairs. Many laws are tried on many joints, and the best
 of many useless ones looks useful, so the level is divided by the number of tests (Bonferroni).
 """
@@ -170,7 +171,7 @@ def judged(
             verdict = f"impossible sign: {', '.join(s.impossible)}"
         elif s.at_bound:
             verdict = f"not determined: {', '.join(s.at_bound).replace('_', ' ')} at its bound"
-        elif s.rms >= current.rms or all(d.mean >= -d.std for d in measures):
+        elif s.rms >= current.rms or any(d.mean >= -d.std for d in measures):
             verdict = "no gain beyond a standard error"
         elif s.unknowns > current.unknowns and not repairs and chance > LEVEL / tests:
             verdict = "no significant gain"

@@ -123,7 +123,7 @@ class Cells:
             rank = np.argsort(np.argsort(values, kind="stable"))
             count = round(ENDS * order.size)
             made += [Division(low, rank < count), Division(high, rank >= order.size - count)]
-        return made
+        return [d for d in made if d.held_out.any()]  # of few cells some blocks have none
 
     def thinned(self, steps: Sequence[int]) -> Segments:
         """Segments of every so many rows of each recording."""

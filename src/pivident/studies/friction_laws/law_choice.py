@@ -236,8 +236,7 @@ def choose_laws(
     say = progress or (lambda line: None)
     method = _method(method)
     robot = problem.robot
-    wanted = robot.joint_names if joints is None else joints
-    numbers = [robot.joint_index(name) for name in wanted]
+    numbers = [robot.joint_index(n) for n in (robot.joint_names if joints is None else joints)]
     say("fitting the present laws")
     found = identify(problem, method)
     problem = narrowed(problem, found)

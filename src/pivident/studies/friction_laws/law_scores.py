@@ -322,8 +322,7 @@ class JointJudge:
         own = [p for p in standard_parameters(robot) if p.joint == place and p.friction]
         if not term.depends_on_load:
             return regressor_of(robot, own), False
-        parameters = self.last.equations.regressor.parameters
-        carried = [parameters[k] for k in self._carried()]
+        carried = [p for p in self.last.equations.regressor.parameters if p.carries_load]
         return regressor_of(robot, [*carried, own[0]]), True
 
     def _carried(self) -> list[int]:
