@@ -73,6 +73,10 @@ CHOICES: tuple[tuple[str, Reading], ...] = (
     ("… … C⁻¹ bounded by a tenth of C(∞)", replace(SETTLED, ridge=0.1)),
     ("… … F_p and decimation to 100 Hz first", replace(SETTLED, decimation=50)),
     ("… … half the way back where it runs away", replace(SETTLED, halvings=8)),
+    ("… … auxiliary model from the measured start", replace(SETTLED, begins="measured")),
+    ("… … its accelerations at the instants", replace(SETTLED, accelerations="instant")),
+    ("… … negative friction simulated as none", replace(SETTLED, dissipative=True)),
+    ("… … … and half the way back", replace(SETTLED, dissipative=True, halvings=8)),
 )
 
 
