@@ -1,15 +1,15 @@
 """Two implementations of IDIM-PIV as printed, and what its open choices change, on the twin.
 
     PYTHONPATH=. python benchmarks/independent_paper.py [--agreement] [--choices] [--smoothers]
-        [--standstill] [--masks]
+        [--standstill] [--masks] [--figure]
 
 The second implementation (`tests/independent`) was written from the paper's text alone. Part one
 gives both the same records and choices. Part two takes the text as literally as it goes, and then
 one choice after the other in another way; no choice looks at the truth, which only says
 afterwards how often intervals were right. Part three smooths ten records in two ways, part four
-says what is left of friction then, and part five leaves out slow samples where encoders count
-revolutions of the joint. The tables are part of the page of the paper. About twenty minutes of a
-core.
+says what is left of friction then and draws it, and part five leaves out slow samples where
+encoders count revolutions of the joint. The tables are part of the page of the paper. About twenty
+minutes of a core.
 """
 
 from __future__ import annotations
@@ -21,24 +21,25 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, freqz, sosfiltfilt, welch
 from tests.independent.arm import observed
 from tests.independent.identification import (
     Estimate,
-    bandpass,
+    Prefiltered,
     instrumental_variables,
     prefiltered,
 )
-from tests.independent.random_walk import derivatives
 from tests.independent.reading import Reading
 from tests.independent.twin import AS_PIVIDENT, Twin, bench_of, twin
 
 from pivident.estimation.identify import identify
 from pivident.foundation.errors import PividentError
+from pivident.studies.figures.paper_style import line_style, new_figure, paper_style
 from pivident.studies.paper.markdown import table
 from pivident.studies.paper.published import published_table
 
 PAGE = Path("src/pivident/studies/paper/templates/independent.md")
+FIGURE = PAGE.with_name("standstill.png")
 ENCODERS = ("motor", "joint", "log")
 COMPARED = ("over IDIM-IV", "over IDIM-IV, axes weighted", "covered")
 RESIDUALS = (
@@ -47,7 +48,8 @@ RESIDUALS = (
     "slow, with the true velocity [N m]",
 )
 SLOW = 0.05  # share of an axis's largest speed below which it is called slow
-PARTS = ("agreement", "choices", "smoothers", "standstill", "masks")
+PARTS = ("agreement", "choices", "smoothers", "standstill", "masks", "figure")
+STRETCH = 880  # samples of the stretches that spectra are averaged over
 MASKS = (0.01, 0.02, 0.03, 0.05, 0.1)  # shares of the rated speed
 SETTLED = Reading(margins=(0.25, 0.25), weak_integral=True, noise_fits=2)
 
@@ -71,6 +73,10 @@ CHOICES: tuple[tuple[str, Reading], ...] = (
     ("… … C⁻¹ bounded by a tenth of C(∞)", replace(SETTLED, ridge=0.1)),
     ("… … F_p and decimation to 100 Hz first", replace(SETTLED, decimation=50)),
     ("… … half the way back where it runs away", replace(SETTLED, halvings=8)),
+    ("… … auxiliary model from the measured start", replace(SETTLED, begins="measured")),
+    ("… … its accelerations at the instants", replace(SETTLED, accelerations="instant")),
+    ("… … negative friction simulated as none", replace(SETTLED, dissipative=True)),
+    ("… … … and half the way back", replace(SETTLED, dissipative=True, halvings=8)),
 )
 
 
@@ -111,25 +117,76 @@ def smoothers(records: int) -> Iterator[list[object]]:
             yield [run, name, *judged(made, replace(SETTLED, smoother=name))]
 
 
+SMOOTHERS = {name: replace(SETTLED, smoother=name) for name in ("irwsm", "bandpass")}
+
+
+def slow_samples(made: Twin) -> np.ndarray:
+    """Whether an axis is slow by its true speed, shape (samples, joints)."""
+    speed = np.abs(made.bench.noise_free.dq)
+    return speed < SLOW * speed.max(axis=0)
+
+
 def standstill(made: Twin) -> Iterator[list[object]]:
     """What noise of the velocities makes of dry friction: residuals of the truth below 10 Hz."""
-    record, true = made.record, made.bench.noise_free
+    record, true, slow = made.record, made.bench.noise_free, slow_samples(made)
     low_pass, ends = butter(4, 10.0, fs=record.rate, output="sos"), slice(1250, -1250)
-    for name in ("irwsm", "bandpass"):
-        q, dq, ddq = (
-            derivatives(record.q_m, record.rate, "own", "centred")
-            if name == "irwsm"
-            else bandpass(record)
-        )
+    for name, reading in SMOOTHERS.items():
+        method = Prefiltered(record, replace(reading, slopes="centred"))
+        q, dq, ddq = method.measured
         low = [
-            sosfiltfilt(low_pass, record.tau.T - np.einsum("jps,p->js", phi, made.truth))[:, ends]
-            for phi in (observed(q, dq, ddq), observed(q, true.dq, ddq))
+            sosfiltfilt(low_pass, method.tau - np.einsum("jps,p->js", phi, made.truth))[:, ends]
+            for phi in (method.phi, observed(q, true.dq, ddq))
         ]
         for j in range(len(low[0])):
-            slow = np.abs(true.dq[ends, j]) < SLOW * np.abs(true.dq[:, j]).max()
+            still = slow[ends, j]
             noise = 1e3 * np.std((dq - true.dq)[ends, j])
-            own = low[0][j, slow], low[0][j, ~slow], low[1][j, slow]
+            own = low[0][j, still], low[0][j, ~still], low[1][j, still]
             yield [name, j + 1, f"{noise:.2g}", *(f"{np.std(x):.2g}" for x in own)]
+
+
+def drawn(made: Twin, j: int = 0) -> None:
+    """Residuals of the true parameters on one axis in time, and their spectra.
+
+    Left: the speed, and below it the residual with either smoother. Right, a panel for each
+    smoother: spectra of the slow samples and of the others, and that of the noise model.
+    """
+    rate, ends = made.record.rate, slice(1250, -1250)
+    true, slow = made.bench.noise_free.dq[ends, j], slow_samples(made)[ends, j]
+    t, low_pass = 0.25 + np.arange(len(slow)) / rate, butter(4, 10.0, fs=rate, output="sos")
+    with paper_style():
+        figure, (speed, first, residual, second) = new_figure(2, 2, columns=2, row_height=2.2)
+        speed.plot(t, true, **line_style(0))
+        speed.set(ylabel=f"speed of axis {j + 1} [rad/s]")
+        residual.set(xlabel="time [s]", ylabel="residual below 10 Hz [N m]")
+        second.set(xlabel="frequency [Hz]")
+        for name, axes, colour in (("irwsm", first, 3), ("bandpass", second, 1)):
+            method = Prefiltered(made.record, SMOOTHERS[name])
+            error = method.tau[j] - np.einsum("ps,p->s", method.phi[j], made.truth)
+            low = sosfiltfilt(low_pass, error)[ends]
+            residual.plot(t[::20], low[::20], label=name, **line_style(colour))
+            for label, chosen, style in (("slow", slow, 3), ("not slow", ~slow, 1)):
+                axes.loglog(*spectrum(error[ends], chosen, rate), label=label, **line_style(style))
+            method.identify_noise(made.truth, np.ones((len(method.tau), 1)))
+            f = np.geomspace(rate / STRETCH, rate / 2, 400)
+            law = freqz(*method.inverse(j)[::-1], worN=f, fs=rate)[1]
+            white = freqz(method.noise[j].a, worN=f, fs=rate)[1]
+            level = 2 * method.noise[j].variance / rate * np.abs(law / white) ** 2
+            axes.loglog(f, level, label="noise model, for all samples", **line_style(0))
+            axes.set(title=name, ylabel="residual [(N m)²/Hz]", ylim=(1e-7, 1))
+            axes.legend(loc="lower right")
+        for axes in (speed, residual):
+            axes.fill_between(t, 0, 1, slow, transform=axes.get_xaxis_transform(), color="#e6e6e6")
+        residual.legend()
+        figure.savefig(FIGURE, dpi=150)
+
+
+def spectrum(x: np.ndarray, chosen: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies and mean power spectral density of the stretches of chosen samples."""
+    edges = np.flatnonzero(np.diff(np.r_[False, chosen, False])).reshape(-1, 2)
+    long = [x[a:b] for a, b in edges if b - a >= STRETCH]
+    found = [welch(own, rate, nperseg=STRETCH, detrend=False) for own in long]
+    density = np.average([d for _, d in found], axis=0, weights=[len(own) for own in long])
+    return found[0][0][1:], density[1:]
 
 
 def masks(records: int) -> Iterator[list[object]]:
@@ -195,31 +252,34 @@ def main() -> None:
     for name in PARTS:
         parser.add_argument(f"--{name}", action="store_true")
     options = parser.parse_args()
-    whole = not any(getattr(options, name) for name in PARTS)
-    text = PAGE.read_text("utf-8")
-    if options.agreement or whole:
+    asked = {name for name in PARTS if getattr(options, name)} or set(PARTS)
+    records, tables = options.records, {}
+    if "agreement" in asked:
         head = ["encoder", "record", "pivident", "second", "largest difference [σ]"]
-        rows = printed(agreement(options.records))
-        text = with_table(text, "### The same choices", table(head, rows))
-    if options.choices or whole:
+        tables["### The same choices"] = table(head, printed(agreement(records)))
+    if "choices" in asked:
         head = ["reading", "motor: ends", *COMPARED, "joint: ends", "log: ends"]
-        text = with_table(text, "### Other choices", table(head, printed(choices())))
-    if options.standstill or whole:
+        tables["### Other choices"] = table(head, printed(choices()))
+    if "standstill" in asked:
         head = ["smoother", "axis", "noise of the velocity [mrad/s]", *RESIDUALS]
         rows = printed(standstill(twin(bench_of("motor"), 0)))
-        text = with_table(text, "### Standstill", table(head, rows))
-    if options.masks or whole:
+        tables["### Standstill"] = table(head, rows)
+    if "figure" in asked:
+        drawn(twin(bench_of("motor"), 0))
+    if "masks" in asked:
         head = ["slower than, of the rated speed", "covered", "median error", "estimates"]
-        text = with_table(text, "### Slow samples", table(head, printed(masks(options.records))))
-    if options.smoothers or whole:
+        tables["### Slow samples"] = table(head, printed(masks(records)))
+    if "smoothers" in asked:
         head = ["record", "smoother", "ends", *COMPARED]
-        rows = printed(smoothers(options.records))
-        text = with_table(text, "### The smoother", table(head, rows))
+        tables["### The smoother"] = table(head, printed(smoothers(records)))
+    text = PAGE.read_text("utf-8")
+    for heading, part in tables.items():
+        text = with_table(text, heading, part)
+    PAGE.write_text(text, encoding="utf-8")
     table_1 = np.array(
         [row.relative_std["piv"] / row.relative_std["iv"] for row in published_table()]
     )
     print("Table 1:", over(table_1, np.ones_like(table_1)))
-    PAGE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

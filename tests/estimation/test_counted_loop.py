@@ -84,6 +84,13 @@ def test_other_methods_estimate_as_ever_and_say_what_they_leave_out(bench, found
     assert finding.severity == "warning" and "didim" in finding.next_step
 
 
+def test_an_open_loop_is_shaken_by_the_torques_that_drive_it(bench):
+    own = identify(bench.problem(0), "oloe")
+    assert not [w for w in own.warnings if w.kind == "counts"]
+    k = own.names.index("fc2")
+    assert own.theta[k] == pytest.approx(bench.expected[k], rel=0.02)
+
+
 def test_the_result_says_how_it_was_made(found):
     own = found[0][0]
     assert own.method == "DIDIM (loops with counts)" and own.is_decimated

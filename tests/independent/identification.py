@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter, cheby1, sosfiltfilt
 
-from tests.independent.arm import NAMES, observed
+from tests.independent.arm import COLUMNS, NAMES, VISCOUS, observed
 from tests.independent.loop import Record, simulated
 from tests.independent.noise import (
     Noise,
@@ -82,6 +82,25 @@ def inside(reading: Reading, rate: float, samples: int) -> slice:
     return slice(first, samples - last)
 
 
+def auxiliary(
+    record: Record, reading: Reading, theta: np.ndarray, measured: tuple[np.ndarray, ...]
+) -> tuple[np.ndarray, ...]:
+    """Position, velocity and acceleration of the auxiliary model with the parameters theta."""
+    if reading.dissipative:
+        theta = np.where(COLUMNS[:, 0] >= VISCOUS, np.maximum(theta, 0.0), theta)
+    start = np.stack([x[0] for x in measured[:2]]) if reading.begins == "measured" else None
+    q, dq, ddq, _ = simulated(record, theta, start=start)
+    if reading.accelerations == "instant":
+        ddq = record.rate**2 * bent(q)
+        ddq -= bent(ddq) / 12
+    return q, dq, ddq
+
+
+def bent(x: np.ndarray) -> np.ndarray:
+    """Second differences of samples, zero at both ends."""
+    return np.pad(np.diff(x, 2, axis=0), ((1, 1), (0, 0)))
+
+
 def moving(record: Record, reading: Reading, dq: np.ndarray, factor: int) -> np.ndarray:
     """1 where a joint, and the motor that two joints turn, is faster than its share, else 0."""
     limit = reading.slowest * np.abs(record.dq_r).max(axis=0)
@@ -109,10 +128,11 @@ def weighted(
 
 def instrumental_variables(record: Record, reading: Reading, start: np.ndarray) -> Estimate:
     """IDIM-IV (section 3.3): instruments of the auxiliary model, F_p and resampling."""
-    phi, tau = parallel_filtered(record, reading, record.tau.T, bandpass(record))
+    measured = bandpass(record)
+    phi, tau = parallel_filtered(record, reading, record.tau.T, measured)
 
     def step(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        motion = simulated(record, theta)[:3]
+        motion = auxiliary(record, reading, theta, measured)
         zeta, _ = parallel_filtered(record, reading, record.tau.T, motion)
         used = moving(record, reading, motion[1], round(record.rate / 2 / PARALLEL))
         return weighted(zeta * used[:, None], phi * used[:, None], tau * used, reading)
@@ -147,12 +167,12 @@ class Prefiltered:
 
     def __init__(self, record: Record, reading: Reading) -> None:
         self.record, self.reading = record, reading
-        motion = (
+        self.measured = (
             derivatives(record.q_m, record.rate, reading.second_pass, reading.slopes)
             if reading.smoother == "irwsm"
             else bandpass(record)
         )
-        self.phi = decimated(observed(*motion), reading.decimation)
+        self.phi = decimated(observed(*self.measured), reading.decimation)
         self.tau = decimated(record.tau.T, reading.decimation)
         rate = record.rate / reading.decimation
         self.step = 1 / rate
@@ -216,7 +236,7 @@ class Prefiltered:
 
     def __call__(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The next parameters (28), and their standard errors (31) by the noise that they leave."""
-        reading, motion = self.reading, simulated(self.record, theta)[:3]
+        reading, motion = self.reading, auxiliary(self.record, self.reading, theta, self.measured)
         zeta = decimated(observed(*motion), reading.decimation)
         used = moving(self.record, reading, motion[1], reading.decimation)
         for j in self.joints:

@@ -72,7 +72,7 @@ def counted(q, count):
 
 
 @numba.njit(cache=True)
-def run(theta, q_r, dq_r, noise, count, kp, kd, ki, lag, step, first, columns):
+def run(theta, start, q_r, dq_r, noise, count, kp, kd, ki, lag, step, first, columns):
     """Positions, velocities and torques of the loop, with NaN from where the arm runs away."""
     samples, joints = q_r.shape
     q, dq, tau = (
@@ -82,7 +82,7 @@ def run(theta, q_r, dq_r, noise, count, kp, kd, ki, lag, step, first, columns):
     )
     axes, phi = np.empty((joints, 3, 3)), np.empty((joints, len(columns)))
     mass, slope, still = np.empty((joints, joints)), np.empty((joints, joints)), np.zeros(joints)
-    q[0], dq[0] = q_r[0], dq_r[0]
+    q[0], dq[0] = start
     before, charge, speed = counted(q[0] + noise[0], count), first.copy(), np.zeros(joints)
     for i in range(samples):
         measured = counted(q[i] + noise[i], count)
@@ -123,17 +123,20 @@ def simulated(
     theta: np.ndarray,
     noise: np.ndarray | None = None,
     count: np.ndarray | None = None,
+    start: np.ndarray | None = None,
 ) -> tuple[np.ndarray, ...]:
     """Positions, velocities, accelerations and torques of the loop with the parameters theta.
 
-    At the start the arm stands where the reference does, and the integral is empty. Noise and
-    counts, where there are any, are those of the positions that the controller reads.
+    The arm starts with the positions and velocities given, shape (2, joints), else with those of
+    the reference, and with an empty integral. Noise and counts, where there are any, are those of
+    the positions that the controller reads.
     """
     step, nothing = 1 / record.rate, np.zeros(record.q_r.shape[1])
     noise = np.zeros_like(record.q_r) if noise is None else noise
     count = nothing if count is None else count
     law = record.kp, record.kd, record.ki, record.lag, step
-    q, dq, tau = run(theta, record.q_r, record.dq_r, noise, count, *law, nothing, COLUMNS)
+    start = np.stack([record.q_r[0], record.dq_r[0]]) if start is None else start
+    q, dq, tau = run(theta, start, record.q_r, record.dq_r, noise, count, *law, nothing, COLUMNS)
     if not np.isfinite(q).all():
         lost = int(np.flatnonzero(~np.isfinite(q).all(axis=1))[0])
         raise ArithmeticError(f"The simulated arm runs away at {lost * step:.3g} s.")

@@ -58,7 +58,7 @@ def likeliest_ratio(y: np.ndarray) -> float:
         lambda exponent: deviance(y, 10.0**exponent),
         bounds=(MIN_EXPONENT, MAX_EXPONENT),
         method="bounded",
-        options={"xatol": 1e-3},
+        options={"xatol": 1e-5},
     )
     return 10.0**found.x
 

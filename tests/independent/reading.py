@@ -41,6 +41,11 @@ class Reading:
         √n_m larger.
     axis_weights: IDIM-IV has L = F_p I, so that all axes weigh alike (False), or each by its
         residual (True), as is usual.
+    begins: the auxiliary model starts where the "reference" does, or the "measured" motion.
+    accelerations: the torque is held over each period, so that the acceleration of the auxiliary
+        model steps at each sample: it is the "mean" of the two periods beside a sample, from the
+        velocities, or from the positions, corrected to the "instant".
+    dissipative: friction that was estimated negative is simulated so (False), or as none.
     halvings: where the auxiliary model cannot be simulated the iteration ends (0), or goes back
         half the way to the parameters before, at most so many times.
     stop: "until convergence is achieved" (4.3): the largest change of a parameter in its standard
@@ -69,6 +74,9 @@ class Reading:
     forget: float = 0.0
     covariance: str = "sum"
     axis_weights: bool = False
+    begins: str = "reference"
+    accelerations: str = "mean"
+    dissipative: bool = False
     halvings: int = 0
     stop: float = 0.01
     max_iterations: int = 20

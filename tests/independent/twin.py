@@ -1,9 +1,11 @@
 """Records of the twin of the paper's experiment, and pivident's form on them, for a comparison."""
 
 from dataclasses import dataclass, replace
+from unittest import mock
 
 import numpy as np
 
+from pivident.estimation import noise_identification
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import PividentError
@@ -16,20 +18,27 @@ from tests.independent.reading import Reading
 
 FORM = "piv-as-printed"
 
+#: Noise models until one is kept. Pivident keeps the second; both are given a third, because
+#: the second estimate may still be far from the last, and a model from it makes much of little.
+NOISE_MODELS = 3
+
 #: What pivident's form as printed chooses where the text is open, all samples in use: the proper
-#: part of the controller is inverted, two noise models of the orders of the first, weights from
-#: the estimate's own residual, acceleration on the sample, and memories of the filters left out.
+#: part of the controller is inverted, noise models of the orders of the first, weights from
+#: the estimate's own residual, accelerations on the sample, memories of the filters left out, and
+#: an auxiliary model that starts as measured and in which no friction drives the arm.
 AS_PIVIDENT = Reading(
     slopes="centred",
     weak_integral=True,
     fit="burg",
     max_order=150,
-    noise_fits=2,
+    noise_fits=NOISE_MODELS,
     keep_orders=True,
     variance_of="this",
     margins=(0.01, 0.01),
     forget=1e-4,
-    stop=1e-3,
+    begins="measured",
+    accelerations="instant",
+    dissipative=True,
 )
 
 
@@ -43,13 +52,13 @@ class Twin:
     start: np.ndarray
     bench: Bench
 
-    def by_pivident(self, max_iterations: int = 20, **changes: object) -> Estimate:
+    def by_pivident(self) -> Estimate:
         """Pivident's form as printed on all samples, in the order of `NAMES`."""
-        method = replace(
-            self.bench.scenario.methods[FORM], max_iterations=max_iterations, tolerance=1e-4
-        )
+        method = replace(self.bench.scenario.methods[FORM], max_iterations=20, tolerance=1e-4)
+        problem = replace(self.problem, mask=None)
         try:
-            found = identify(replace(self.problem, mask=None, **changes), method)
+            with mock.patch.object(noise_identification, "DECIDES_MODELS", NOISE_MODELS):
+                found = identify(problem, method)
         except PividentError as failure:
             nothing = np.full(len(NAMES), np.nan)
             return Estimate(nothing, nothing, 0, (), str(failure))

@@ -81,7 +81,8 @@ NOT_SIMULATED = Finding(
     "counts",
     "The control law reads whole counts and shakes the robot, which makes friction seem smaller: "
     "the estimate may be biased by more than its standard errors.",
-    next_step="Compare with didim, which simulates the loop with its counts.",
+    next_step="Compare with didim, which simulates the loop with its counts, and with oloe, which "
+    "the recorded torques drive.",
 )
 #: Loops of each mean that an iteration adds.
 LOOPS = 3

@@ -94,7 +94,9 @@ def identify(
     if problem.reads_counts:
         from pivident.estimation.didim import LABEL, NOT_SIMULATED
 
-        noticed = (*noticed, *([] if result.method == LABEL else [NOT_SIMULATED]))
+        # the torques that drive an open loop have shaken the robot, too
+        driven = method.fits_simulation and not method.simulates_loop
+        noticed = (*noticed, *([] if driven or result.method == LABEL else [NOT_SIMULATED]))
     return replace(result, warnings=(*result.warnings, *noticed)) if noticed else result
 
 

@@ -75,6 +75,7 @@ def test_nothing_is_fetched_and_all_figures_are_inside(page, folder):
     assert not re.search(r'(?:src|href)="(?!#|data:)', page)
     images = re.findall(r'<img src="data:image/png;base64,([^"]+)" alt="([^"]+)"', page)
     names = [alt.partition(":")[0] for _, alt in images]
+    assert names.pop(0).startswith("Residual of the true parameters")
     assert names == ["Figure 3", "Figure 4", "Figure A.7", "Figure 5", "Figure A.8", "Figure A.9"]
     assert all(data.startswith("iVBOR") for data, _ in images)
 

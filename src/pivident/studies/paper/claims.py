@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -117,10 +118,14 @@ def claims(readings: Mapping[str, Reading], repetition: Repetition) -> tuple[Cla
         ("5.2", "The prefilters make the residuals white, unlike those of IDIM-IV.", _white),
         ("5.2", "The standard deviations of IDIM-PIV are the more reliable ones.", _reliable),
         ("5.3", "SRIV identifies the control laws.", _law_found),
-        ("5.3", "With the identified law IDIM-PIV gives the same estimates.", _same_with_law),
+        (
+            "5.3",
+            "With the identified law IDIM-PIV gives the same estimates.",
+            partial(_same_with_law, PIV),
+        ),
         ("6", "IDIM-PIV needs no prior knowledge: it works as it is.", _works),
         ("6", "IRW smoothing builds the observation matrix by itself.", _smooths),
-        ("6", "The identified law serves IDIM-IV, too.", _serves_iv),
+        ("6", "The identified law serves IDIM-IV, too.", partial(_same_with_law, IV)),
     ]
     return tuple(
         Claim(
@@ -304,26 +309,13 @@ def _law_found(reading: Reading, forms: Mapping[str, Runs]) -> Judged:
     )
 
 
-def _same_with_law(reading: Reading, forms: Mapping[str, Runs]) -> Judged:
-    apart = _apart(reading, PIV)
-    return _unknown() if apart is None else Judged(apart < 1.0, _difference(PIV, apart))
-
-
-def _serves_iv(reading: Reading, forms: Mapping[str, Runs]) -> Judged:
-    apart = _apart(reading, IV)
-    return _unknown() if apart is None else Judged(apart < 1.0, _difference(IV, apart))
-
-
-def _apart(reading: Reading, form: str) -> float | None:
-    """Largest difference between the estimates with known and identified law [σ]."""
+def _same_with_law(form: str, reading: Reading, forms: Mapping[str, Runs]) -> Judged:
+    """Estimates with known and identified law differ by less than a standard error."""
     known, other = (reading.results.get(form + behind) for behind in ("", IDENTIFIED))
     if known is None or other is None:
-        return None
-    return float(np.max(np.abs(other.theta - known.theta) / known.method_std))
-
-
-def _difference(form: str, apart: float) -> str:
-    return f"{form}: known and identified law differ by at most {apart:.2g} σ"
+        return _unknown()
+    apart = float(np.max(np.abs(other.theta - known.theta) / known.method_std))
+    return Judged(apart < 1.0, f"{form}: known and identified law differ by at most {apart:.2g} σ")
 
 
 def _works(reading: Reading, forms: Mapping[str, Runs]) -> Judged:

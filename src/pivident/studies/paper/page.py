@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,6 +27,9 @@ from pivident.studies.paper.repetition import WAYS, Repetition, read_repetition
 
 #: Folder of the repetition inside that of the page, and the page by its kind.
 STUDY, PAGES = "study", {"html": "paper.html", "markdown": "index.md"}
+
+#: The figure of standstill, of records that the page does not make (benchmarks/independent_paper).
+STANDSTILL = resources.files(__package__) / "templates" / "standstill.png"
 
 #: Records of each reading that a page has at least, and those of a quick one.
 RUNS, QUICK_RUNS = 4, 2
@@ -119,6 +123,7 @@ def _write(folder: Path, kind: str, content: dict[str, Any], figures: Mapping[st
     with atomic_folder(folder) as build:
         for name, figure in figures.items():
             save_figure(figure, build / "figures" / f"{name}.png")
+        (build / "figures" / STANDSTILL.name).write_bytes(STANDSTILL.read_bytes())
         if kind == "html":
             page = html_of(page, build / "figures")
         (build / PAGES[kind]).write_text(page, encoding="utf-8")
