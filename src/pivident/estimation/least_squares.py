@@ -115,7 +115,7 @@ def is_surer(problem: Problem, other: LeastSquares, than: LeastSquares) -> bool:
     fits = []
     for method in (than, other):
         kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-        fits.append(settled_least_squares(problem, method, kinematics, lambda line: None)[0])
+        fits.append(_fitted(problem, method, kinematics, lambda line: None)[0])
     freedom = problem.restrictions.freedom
     known, found = (jackknife(f.sums, f.theta, f.variance, freedom=freedom) for f in fits)
     information = np.zeros_like(known.covariance)
@@ -138,8 +138,16 @@ def least_squares_on(
 ) -> Identification:
     """The same on given motions and torques."""
     say(f"{method.label}: solution, residuals and covariance")
-    estimate, run = settled_least_squares(problem, method, kinematics, say)
+    estimate, run = _fitted(problem, method, kinematics, say)
     return answer(problem, method, estimate, run)
+
+
+def _fitted(
+    problem: Problem, method: LeastSquares, kinematics: Sequence[Kinematics], say: Say
+) -> tuple[Estimate, Run]:
+    """The estimate on motions by the method's own recipe, once for its choice and its answer."""
+    key = "least squares by", problem, method
+    return once(key, lambda: settled_least_squares(problem, method, kinematics, say))
 
 
 def least_squares_start(

@@ -178,7 +178,8 @@ def _diagnose(
     failed, robot = "The recordings could not be audited", problem.robot
     log = attempts.of(failed, recording_faults, robot, problem.recordings, otherwise=())
     out_of_sample = motion = None
-    least_squares = methods["ls"] if "ls" in methods else METHODS["ls"]
+    given = identifications.get("ls")  # whose band has been chosen
+    least_squares = (given and given.method_used) or methods.get("ls", METHODS["ls"])
     if folds or recordings:
         failed = "Nothing could be held out"
         motion = attempts.of(failed, JudgedMotion.of, problem, recordings or None)
