@@ -380,7 +380,7 @@ def _why_none(reading: str, own: Reading, forms: Mapping[str, Runs]) -> str:
         f"{name} covers {percent(runs.coverage)} and gives no estimate on {runs.failed} of "
         f"{runs.count}"
         for name, runs in forms.items()
-        if _estimates(runs) and name in (PIV, FORMS["didim"])
+        if _estimates(runs) and name in (PIV, FORMS["didim"], FORMS["oloe"])
     ]
     text = (
         f"In the reading *{reading}* no form covers {percent(RIGHT)} on all records: "

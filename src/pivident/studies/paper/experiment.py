@@ -49,6 +49,7 @@ FORMS = {
     "piv-as-printed": "IDIM-PIV as printed",
     "piv": "IDIM-PIV as recommended",
     "didim": "DIDIM",
+    "oloe": "OLOE",
 }
 IDENTIFIED = ", law identified"
 #: Number of the record that validates: another motion than the first one.
@@ -108,7 +109,7 @@ def condition_numbers(bench: Bench) -> list[float]:
 
 
 def condition(reading: str, way: str = "known") -> Scenario:
-    """The condition of the scenario ``paper``: known law, its DIDIM, or identified law."""
+    """The condition of the scenario ``paper``: with the law known or identified, or simulated."""
     (found,) = _loaded("paper").chosen_conditions([f"{reading}-{way}"])
     return found
 
@@ -119,7 +120,7 @@ _loaded = cache(load_scenario)  # which checks all conditions
 def run_reading(
     reading: str,
     *,
-    didim: bool = True,
+    simulated: bool = True,
     identified: bool = True,
     say: Callable[[str], None] = lambda line: None,
 ) -> Reading:
@@ -127,7 +128,7 @@ def run_reading(
 
     Args:
         reading: key of ``READINGS``.
-        didim: whether DIDIM is among the forms.
+        simulated: whether DIDIM and OLOE are among the forms, which fit a simulation.
         identified: whether the forms with an identified control law are.
         say: progress.
 
@@ -151,8 +152,8 @@ def run_reading(
             failures[form] = str(error)
 
     methods = dict(scenario.methods)
-    if didim:
-        methods |= condition(reading, "didim").methods
+    if simulated:
+        methods |= condition(reading, "simulated").methods
     for name, method in methods.items():
         attempt(FORMS[name], method)
     law = None

@@ -51,9 +51,9 @@ def make_page(
 
     Args:
         folder: folder of the page; the repetition is kept in its ``study``.
-        quick: two records of each reading, without identified laws and DIDIM.
-        runs: records of each reading in the repetition, with identified laws and DIDIM on at most
-            one for each motion; None: a few with known laws, besides those that are there.
+        quick: two records of each reading, without identified laws, DIDIM and OLOE.
+        runs: records of each reading in the repetition, with identified laws, DIDIM and OLOE on at
+            most one for each motion; None: a few with known laws, besides those that are there.
         kind: one HTML file, or Markdown with its figures, as in the documentation.
         study: folder of the repetition; None: inside ``folder``.
         pool: workers of the repetition; None: one for each core.
@@ -71,7 +71,8 @@ def make_page(
     place = folder / STUDY if study is None else Path(study)
     repetition = repeat(place, quick, runs, pool, say)
     readings = {
-        name: run_reading(name, didim=not quick, identified=not quick, say=say) for name in READINGS
+        name: run_reading(name, simulated=not quick, identified=not quick, say=say)
+        for name in READINGS
     }
     record = None if quick else run_public_record(say)
     say("figures and page")
@@ -110,7 +111,7 @@ def _provenance(repetition: Repetition, seconds: float, quick: bool) -> str:
     return (
         f"pivident {__version__}; {few} to {many} records for each form and reading, "
         f"{repetition.motions} motions; {seconds:.0f} s for this page besides the records that "
-        f"were there.{' Quick: without identified laws and DIDIM.' if quick else ''} "
+        f"were there.{' Quick: without identified laws, DIDIM and OLOE.' if quick else ''} "
         "`pivident study paper` repeats the experiment; `pivident paper --runs 100` does both."
     )
 

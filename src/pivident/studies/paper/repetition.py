@@ -27,7 +27,7 @@ from pivident.studies.many.study.summary import (
 from pivident.studies.paper.experiment import FORMS, IDENTIFIED, READINGS, condition
 
 #: Ways of the scenario, and what stands behind the name of the form.
-WAYS = {"known": "", "didim": "", "identified": IDENTIFIED}
+WAYS = {"known": "", "simulated": "", "identified": IDENTIFIED}
 
 
 @dataclass(frozen=True, eq=False)
