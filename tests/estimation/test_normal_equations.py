@@ -84,3 +84,21 @@ def test_a_joint_without_rows_is_named():
     joint = JointSums.empty("elbow", np.arange(3))
     with pytest.raises(IdentificationError, match="elbow"):
         solve([joint], np.ones(1), ["a", "b", "c"])
+
+
+def test_parameters_that_only_a_joint_without_weight_separates_are_named():
+    rng = np.random.default_rng(5)
+    phi = rng.normal(size=(1, 500))
+    noise = 0.01 * rng.normal(size=(2, 500))
+    both, alone = (
+        JointSums.empty("shoulder", np.arange(2)),
+        JointSums.empty("elbow", np.ones(1, int)),
+    )
+    both.add(np.vstack([phi, 2.0 * phi]), None, 3.0 * phi[0] + noise[0], None)
+    other = rng.normal(size=(1, 500))
+    alone.add(other, None, other[0] + noise[1], None)
+    assert solve([both, alone], np.ones(2), ["ia1", "ia2"]).theta == pytest.approx(
+        [1.0, 1.0], abs=0.01
+    )
+    with pytest.raises(RankDeficientRegressor, match=r"1 of 2 .* not separable: ia2, ia1"):
+        solve([both, alone], np.array([1.0, 1e30]), ["ia1", "ia2"])

@@ -299,7 +299,9 @@ def solve(
     outer = np.outer(scale, scale)
     names = [known.names[k] for k in freedom.free]
     weak = weakest_direction(own / outer, names)
-    if weak is None or (checked and not is_separated(*_evidence(sums, freedom))):
+    if weak is None:  # with these weights
+        raise refusal(own / outer, _evidence(sums, freedom)[1], names)
+    if checked and not is_separated(*_evidence(sums, freedom)):
         raise refusal(*_evidence(sums, freedom), names)
     condition, weakest = weak
     squares = freedom.reduced(zz + known.information)
