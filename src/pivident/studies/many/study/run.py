@@ -31,15 +31,21 @@ from pivident.judgement.diagnostics.failed_simulation import explained_identify
 from pivident.judgement.validation.residuals.autocorrelation import correlated_shares
 from pivident.loop.simulation.excitation import FourierSeries
 from pivident.studies.many.batch.batch_errors import OtherScenario, StudyFolderError
-from pivident.studies.many.batch.results_folder import MANIFEST as MANIFEST
-from pivident.studies.many.batch.results_folder import UNFINISHED as UNFINISHED
-from pivident.studies.many.batch.results_folder import ResultsFolder, failure
-from pivident.studies.many.batch.results_folder import Row as Row
+from pivident.studies.many.batch.results_folder import (
+    MANIFEST as MANIFEST,
+    UNFINISHED as UNFINISHED,
+    ResultsFolder,
+    Row as Row,
+    failure,
+)
 from pivident.studies.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.many.study.scenario import Scenario
-from pivident.studies.many.study.scenario_tables import FILE as TRAJECTORY
-from pivident.studies.many.study.scenario_tables import as_json, optimised_series
+from pivident.studies.many.study.scenario_tables import (
+    FILE as TRAJECTORY,
+    as_json,
+    optimised_series,
+)
 from pivident.studies.many.study.summary import figures_of_merit
 
 if TYPE_CHECKING:
