@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pivident.foundation.errors import UnusableValue, require_kind
+from pivident.foundation.errors import UnusableValue, require_kind, require_known
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.toml import toml_value
 from pivident.robot.friction_column import Shape
@@ -41,7 +41,6 @@ from pivident.robot.friction_terms.viscous import (
     power_viscous as power_viscous,
     viscous as viscous,
 )
-from pivident.robot.naming import nearest
 
 
 @dataclass(frozen=True)
@@ -112,10 +111,7 @@ class FrictionLaw(Displayed):
         """
         known = [s.name for s in self.shapes] + ["gamma"] * any(t.has_sign for t in self.terms)
         for name in values:
-            if name not in known:
-                raise UnusableValue(
-                    f"the law {self} has no constant {name!r}", advice=nearest(name, known)
-                )
+            require_known(name, known, f"the law {self} has no constant {name!r}", UnusableValue)
         return FrictionLaw(tuple(t.with_shapes(dict(values)) for t in self.terms))
 
     def with_default_gamma(self, gamma: float) -> FrictionLaw:
