@@ -92,9 +92,11 @@ def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
         legend=True,
     )
     stiffness = of_kind(str(compliance.stiffness), sliding)
-    note = f"stiffness {stiffness}; lag and offset of the encoders are not removed"
-    if not compliance.explained:
-        note = f"{100 * compliance.unexplained:.2g} % of it is unexplained: no stiffness is given"
+    note = (
+        f"stiffness {stiffness}; lag and offset of the encoders are not removed"
+        if compliance.explained
+        else f"{100 * compliance.unexplained:.2g} % of it is unexplained: no stiffness is given"
+    )
     return Figure(plot, 320, "Deflection", f"Deflection over {quantity}; {note}", note)
 
 
