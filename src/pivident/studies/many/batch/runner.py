@@ -109,6 +109,12 @@ class GivenExecutor:
         yield self.executor
 
 
+def pool_of(workers: int | None, executor: Executor | None) -> Pool:
+    """The caller's executor, or processes of this machine; None: as many as it has threads."""
+    at_a_time = workers or thread_count()
+    return Processes(at_a_time) if executor is None else GivenExecutor(executor, at_a_time)
+
+
 class Runner(Generic[Key]):
     """Computation of many tasks.
 
