@@ -111,8 +111,11 @@ class GivenExecutor:
 
 def pool_of(workers: int | None, executor: Executor | None) -> Pool:
     """The caller's executor, or processes of this machine; None: as many as it has threads."""
-    at_a_time = workers or thread_count()
-    return Processes(at_a_time) if executor is None else GivenExecutor(executor, at_a_time)
+    return (
+        Processes(workers)
+        if executor is None
+        else GivenExecutor(executor, workers or thread_count())
+    )
 
 
 class Runner(Generic[Key]):
