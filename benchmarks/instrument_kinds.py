@@ -21,8 +21,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from kuka_kr300_blocks import CUTOFF, START, STOP, without_vague_inertias
-from kuka_kr300_blocks import loops as kr300_loops
+from kuka_kr300_blocks import CUTOFF, START, STOP, loops as kr300_loops, without_vague_inertias
 
 from pivident import load_experiment
 from pivident.data.recording.datasets import ENVIRONMENT, fetch

@@ -51,8 +51,12 @@ def _motors(store, is_ros1: bool):
 def _written_bag(kind: str) -> bytes:
     """A bag of one file: ``bag``, ``lz4.bag``, ``bz2.bag``, ``mcap``, ``zstd.mcap``, ``db3``."""
     from rosbags.rosbag1 import Writer as Ros1Writer
-    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-    from rosbags.rosbag2 import Writer as Ros2Writer
+    from rosbags.rosbag2 import (
+        CompressionFormat,
+        CompressionMode,
+        StoragePlugin,
+        Writer as Ros2Writer,
+    )
 
     is_ros1 = kind.endswith("bag")
     store, messages = _joint_states(is_ros1)

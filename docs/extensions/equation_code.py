@@ -11,8 +11,7 @@ import inspect
 import re
 from pathlib import Path
 
-from pivident.studies.paper.markdown import MissingObject as MissingObject
-from pivident.studies.paper.markdown import object_named
+from pivident.studies.paper.markdown import MissingObject as MissingObject, object_named
 
 TIE = re.compile(r"\{code\}`(pivident[\w.]*)`")
 

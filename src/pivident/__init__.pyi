@@ -8,8 +8,7 @@ from .estimation.instrumental_variables import InstrumentalVariables as Instrume
 from .estimation.least_squares import LeastSquares as LeastSquares
 from .estimation.prefiltered_iv import PrefilteredIV as PrefilteredIV
 from .estimation.problem import Problem as Problem
-from .estimation.signal_recipes import Bandpass as Bandpass
-from .estimation.signal_recipes import RandomWalk as RandomWalk
+from .estimation.signal_recipes import Bandpass as Bandpass, RandomWalk as RandomWalk
 from .estimation.stored_identification import load_identification as load_identification
 from .experiment.experiment import load_experiment as load_experiment
 from .foundation.errors import PividentError as PividentError
@@ -20,8 +19,7 @@ from .judgement.diagnostics.verdict import verdict as verdict
 from .judgement.report.builder import write_report as write_report
 from .judgement.validation.held_out.cross_validation import cross_validate as cross_validate
 from .loop.simulation.control_loop import Loop as Loop
-from .loop.simulation.controllers import PD as PD
-from .loop.simulation.controllers import PID as PID
+from .loop.simulation.controllers import PD as PD, PID as PID
 from .loop.simulation.simulated_record import simulate as simulate
 from .models.consistency.consistent_model import make_consistent as make_consistent
 from .robot.description import Robot as Robot

@@ -88,8 +88,7 @@ def log_without_header() -> None:
 
 def seven_axis_log() -> None:
     """`log.csv` of a seven-axis arm with torque sensors behind its gears, and `arm.urdf`."""
-    from tests.seven_axis_arm import seven_axis_log as made
-    from tests.seven_axis_arm import write_log
+    from tests.seven_axis_arm import seven_axis_log as made, write_log
 
     log = made(3, seconds=10.0, bearings=0.1)
     write_log(Path(), log, log.tau_link)
@@ -113,8 +112,7 @@ def ampere_logs() -> dict:
     """Logs in amperes without and with a payload, `my_robot.toml` with both."""
     import pivident as pv
     from pivident.experiment.gains_table import with_unit_gains
-    from tests.app.cli.test_gains import HEAD, LOADED
-    from tests.app.cli.test_gains import write_log as write_amperes
+    from tests.app.cli.test_gains import HEAD, LOADED, write_log as write_amperes
 
     write_amperes(Path("empty.csv"), loaded=False)
     write_amperes(Path("loaded.csv"), loaded=True)

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import mass_matrix

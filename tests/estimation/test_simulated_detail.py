@@ -11,8 +11,7 @@ from pivident.loop.motion.motion import SimulatedMotion
 from pivident.loop.motion.simulated_detail import with_simulated_detail
 from pivident.robot.friction import FrictionLaw, coulomb, viscous
 from pivident.signals.instants import derivatives_at_instants
-from tests.signals.motions import RATE as FINE_RATE
-from tests.signals.motions import point_to_point
+from tests.signals.motions import RATE as FINE_RATE, point_to_point
 
 RATE = 1000.0
 INNER = slice(60, -60)

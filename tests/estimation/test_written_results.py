@@ -6,8 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from pivident.estimation.covariance import inverse_gram, rounded_away
 from pivident.estimation.identification import Identification

@@ -3,8 +3,7 @@
 import copy
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.app.studio.rows import experiment_rows
 from pivident.experiment.edited_file import confirmed, edited, with_repair

@@ -5,8 +5,7 @@ import random
 
 import pytest
 from fuzzing.readers import READERS
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from pivident.foundation.errors import PividentError
 from pivident.robot.modified_dh import parse_modified_dh

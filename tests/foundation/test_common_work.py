@@ -8,8 +8,7 @@ import pytest
 from pivident.estimation.identify import identify
 from pivident.foundation.common_work import once, shared_work
 from tests.estimation.literature.filters.scenes import planar_problem
-from tests.estimation.output_error.arms import counted_simulations
-from tests.estimation.output_error.arms import problem as closed_loop
+from tests.estimation.output_error.arms import counted_simulations, problem as closed_loop
 
 
 def slowly(made, seconds=0.02):

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.closed_chains import assembled, closed_robot, equations
@@ -19,10 +18,10 @@ from tests.dynamics.closed.mechanisms import (
     hinge,
     parallelogram,
     poses,
+    random_body as body,
     spatial_loop,
     tree_of,
 )
-from tests.dynamics.closed.mechanisms import random_body as body
 
 TIP = Closure("tip", (1, 3), (at(0.5, 0.0, 0.0), at(0.5, 0.0, 0.0)))
 POSTURE = np.array([2.0, -1.2, 1.1, 1.2])

@@ -1,6 +1,5 @@
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.inertia import elements, from_center_of_mass, moved, tensor

@@ -4,8 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 import scipy.linalg
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.dynamics.closed_chains.closed_motion import ClosedChains
 from pivident.dynamics.robot_regressor import regressor_of

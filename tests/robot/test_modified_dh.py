@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.robot.inertia import from_center_of_mass, moved, tensor
 from pivident.robot.modified_dh import parse_modified_dh, read_modified_dh

@@ -4,8 +4,7 @@ from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.foundation.errors import RobotDescriptionError
 from pivident.robot.friction import FrictionLaw

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pivident.foundation.errors import RecordingError
 from pivident.signals.alignment import align_torque, torque_shift

@@ -2,8 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pivident.signals.random_walk import irwsm
 from pivident.signals.random_walk_likelihood import innovations_model

@@ -31,8 +31,7 @@ from pivident.dynamics.friction_kernels import (
 from pivident.dynamics.friction_table import OF_POSITION
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
-from pivident.foundation.compiled import inlined as _inline
-from pivident.foundation.compiled import inner, kernel
+from pivident.foundation.compiled import inlined as _inline, inner, kernel
 from pivident.robot.description import Robot
 from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.friction_terms.coulomb import COULOMB

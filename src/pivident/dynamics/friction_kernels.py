@@ -31,8 +31,7 @@ from numba.extending import intrinsic
 
 from pivident.dynamics.elementary import REST, arctangent, direction
 from pivident.dynamics.friction_generated import position_derivatives, speed_derivatives
-from pivident.foundation.compiled import inlined as _inline
-from pivident.foundation.compiled import kernel, shared
+from pivident.foundation.compiled import inlined as _inline, kernel, shared
 from pivident.robot.friction_column import SignFunction
 from pivident.robot.friction_terms.presliding import PRESLIDING
 

@@ -37,8 +37,7 @@ from pivident.dynamics.friction_kernels import (
     travel_to_reversal,
 )
 from pivident.dynamics.parameters import Parameter
-from pivident.foundation.compiled import inlined as _inline
-from pivident.foundation.compiled import inner, kernel, rows, shared
+from pivident.foundation.compiled import inlined as _inline, inner, kernel, rows, shared
 from pivident.foundation.errors import UnusableValue
 from pivident.robot.description import Robot
 from pivident.robot.friction_column import SignFunction

@@ -25,8 +25,7 @@ import numpy as np
 from pivident.dynamics.column_slopes import ColumnSlope, column_slopes
 from pivident.dynamics.kernels import Tree, link_poses, tree_of
 from pivident.dynamics.regressor import Regressor
-from pivident.foundation.compiled import allocating
-from pivident.foundation.compiled import inlined as _inline
+from pivident.foundation.compiled import allocating, inlined as _inline
 from pivident.foundation.errors import UnusableValue
 from pivident.foundation.threads import run_in_threads
 from pivident.robot.description import INERTIAL

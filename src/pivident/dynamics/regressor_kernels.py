@@ -29,8 +29,7 @@ from pivident.dynamics.elementary import TILE, arctangent, sine_and_cosine
 from pivident.dynamics.entry_plan import ACCELERATION, INERTIAS, INNER, MOMENTS, EntryPlan
 from pivident.dynamics.friction_generated import position_row, speed_row
 from pivident.dynamics.friction_kernels import FIRST_ADDRESS, VALUE, call_column
-from pivident.foundation.compiled import inlined as _inline
-from pivident.foundation.compiled import kernel, section
+from pivident.foundation.compiled import inlined as _inline, kernel, section
 from pivident.robot.friction_column import SignFunction
 from pivident.robot.friction_terms.offset import OFFSET
 from pivident.robot.friction_terms.viscous import VISCOUS

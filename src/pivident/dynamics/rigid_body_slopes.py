@@ -28,8 +28,7 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.dynamics.kernels import add_composite, place_link
-from pivident.foundation.compiled import inlined as _inline
-from pivident.foundation.compiled import inner, rows
+from pivident.foundation.compiled import inlined as _inline, inner, rows
 
 # Columns of ``links``: ^0R_i row by row and ^0p_i, S, V, A; force F, momentum p and matrix of B's
 # moments of the links that a joint moves; y and A_p × S + V_p × y of the joint, C S and the moment

@@ -207,9 +207,11 @@ class Whitening:
             Prefilter(self.numerator[j], np.convolve(self.denominator[j], m.ma), m.ar)
             for j, m in enumerate(fitted)
         )
-        worth = before.with_standstill, before.with_memory
-        if not self.method.as_printed:
-            worth = worth_using(self.problem, filters, records, residuals)
+        worth = (
+            (before.with_standstill, before.with_memory)
+            if self.method.as_printed
+            else worth_using(self.problem, filters, records, residuals)
+        )
         at_bound = before.at_bound  # a later fit is given its order and does not know
         if not before.models:
             at_bound = tuple(m.at_bound for m in fitted)

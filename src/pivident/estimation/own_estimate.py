@@ -228,9 +228,9 @@ def own_estimate(
     except RankDeficientRegressor:  # other values fit as well: nothing is known of these
         robust = np.full((size, size), np.nan)
         solution = Solution(found, robust, np.inf)
-    covariances = Covariances(robust, solution.covariance)
-    if spread is not None:
-        covariances = Covariances(spread, spread)
+    covariances = (
+        Covariances(robust, solution.covariance) if spread is None else Covariances(spread, spread)
+    )
     estimate = Estimate(1, found, None, records, prefilters, sums, solution, variance)
     run = Run((Iteration(found, 0.0, relative_residual(sums, found, variance)),), True)
     said = [_GIVEN] if estimator is None else []

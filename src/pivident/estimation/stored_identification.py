@@ -24,7 +24,7 @@ from pivident.estimation.identification_file import (
     method_of_options,
 )
 from pivident.foundation.codec import decode
-from pivident.foundation.errors import IdentificationFileError, UnusableValue
+from pivident.foundation.errors import IdentificationFileError, UnusableValue, require_known
 from pivident.loop.instruments.kinds import KINDS
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
@@ -172,11 +172,12 @@ def _selection(robot: Robot, names: list[str]) -> tuple[BaseParameters, list[int
         base = base_parameters(robot)
     known = {name: k for k, name in enumerate(base.names)}
     for name in names:
-        if name not in known:
-            raise UnusableValue(
-                f"{name!r} is not a base parameter of the robot {robot.name!r}",
-                advice=nearest(name, known),
-            )
+        require_known(
+            name,
+            known,
+            f"{name!r} is not a base parameter of the robot {robot.name!r}",
+            UnusableValue,
+        )
     chosen = [known[name] for name in names]
     if sorted(set(chosen)) != chosen:
         raise UnusableValue(

@@ -10,8 +10,14 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, NonNegativeFloat, PositiveFloat, model_validator
-from pydantic import PositiveFloat as Positive
+from pydantic import (
+    BeforeValidator,
+    Field,
+    NonNegativeFloat,
+    PositiveFloat,
+    PositiveFloat as Positive,
+    model_validator,
+)
 
 from pivident.foundation.errors import UnusableValue
 from pivident.robot.mdh_keys import Entry, JointReference, Vector3, Vector6, key

@@ -41,13 +41,12 @@ from pivident.experiment.identify_table import (
 from pivident.experiment.missing_torque import check_torque, is_without_torque
 from pivident.experiment.recording_tables import loop_of, one_by_one, run_of
 from pivident.experiment.robot_table import FRICTION_KEYS, robot_of
-from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.foundation.errors import ExperimentError, IdentificationError, require_known
 from pivident.foundation.text.display import Displayed
 from pivident.loop.motion.law_torque import with_law_torque
 from pivident.loop.simulation.control_loop import Loop
 from pivident.models.consistency.options import ConsistencyOptions, free_methods, made_consistent
 from pivident.robot.description import Robot
-from pivident.robot.naming import nearest
 from pivident.robot.refusals import without_base
 
 #: What there is for a robot on a measured base.
@@ -210,10 +209,7 @@ class Experiment(Displayed):
         chosen: dict[str, Method] = {}
         with errors_name(self.path, ""):
             for name in names or free_methods(self._method_names()):
-                if name not in METHODS:
-                    raise ExperimentError(
-                        f"there is no method {name!r}", advice=nearest(name, METHODS)
-                    )
+                require_known(name, METHODS, f"there is no method {name!r}", ExperimentError)
                 chosen[name] = method_of(name, self.content.identify)
                 self._check_loop(name, chosen[name])
         return chosen

@@ -99,9 +99,9 @@ def gains_of(
         bare = tuple(without_temperature(r) for r in recordings)
         problem = replace(problem, recordings=bare)
         if given.temperature is not None:
-            warmth = None
-            if given.temperature != "time":
-                warmth = [r.inputs[TEMPERATURE] for r in recordings]
+            warmth = (
+                [r.inputs[TEMPERATURE] for r in recordings] if given.temperature != "time" else None
+            )
             # at constant load: what the payload changes must not pass for warmth
             temperatures = identify_motor_temperature(
                 replace(problem, recordings=bare[:count]),

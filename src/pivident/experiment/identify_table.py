@@ -37,6 +37,7 @@ from pivident.experiment.table_values import (
 from pivident.foundation.errors import ExperimentError, UnusableValue
 from pivident.foundation.options import declarations
 from pivident.foundation.text.finding import Finding, FindingKind, Topic
+from pivident.foundation.text.plain_values import lists_as_tuples
 from pivident.models.consistency.options import CONSISTENT_METHODS  # consistency
 from pivident.robot.mdh_keys import Entry, LaterTable, key
 from pivident.robot.naming import nearest
@@ -346,7 +347,7 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
         options["signals"] = _signals(entry, ready, keys)
         if "noise" in ready.keys:
             options["noise"] = _noise(_given(entry, "noise"), keys.get("noise", {}))
-        return replace(ready, **{k: _tuples(value) for k, value in options.items()})
+        return replace(ready, **{k: lists_as_tuples(value) for k, value in options.items()})
 
 
 def median_finding(methods: Mapping[str, Method]) -> Finding | None:
@@ -374,11 +375,6 @@ def concerning_method(name: str) -> Iterator[None]:
         yield
     except ExperimentError as error:
         raise error.within(f"identify.{name}") from error
-
-
-def _tuples(value: Any) -> Any:
-    """Lists as tuples, so that a method can be compared and hashed."""
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
 def _check_signals(ready: Method, keys: Mapping[str, Any]) -> None:
@@ -414,7 +410,7 @@ def _signals(entry: IdentifyEntry, ready: Method, keys: Mapping[str, Any]) -> Si
     is_full_rate = isinstance(ready.signals, RandomWalk)
     if name == "algebraic" and is_full_rate and not options.keys() & {"decimation", "bandwidth"}:
         options["decimation"] = 1
-    return RECIPES[name](**{k: _tuples(value) for k, value in options.items()})
+    return RECIPES[name](**{k: lists_as_tuples(value) for k, value in options.items()})
 
 
 def _noise(shared: dict[str, Any], special: dict[str, Any]) -> AutoRegressive | Arma:

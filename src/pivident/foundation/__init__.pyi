@@ -1,2 +1,1 @@
-from .text.finding import Finding as Finding
-from .text.finding import Quantity as Quantity
+from .text.finding import Finding as Finding, Quantity as Quantity

@@ -37,8 +37,7 @@ from typing import (
 )
 
 import numpy as np
-from pydantic_core import CoreSchema, SchemaValidator, ValidationError
-from pydantic_core import core_schema as core
+from pydantic_core import CoreSchema, SchemaValidator, ValidationError, core_schema as core
 
 from pivident.foundation.errors import (
     Advised,

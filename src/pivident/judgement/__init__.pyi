@@ -1,22 +1,31 @@
-from .audit.audit import Audit as Audit
-from .audit.audit import audit_log as audit_log
+from .audit.audit import Audit as Audit, audit_log as audit_log
 from .diagnostics.diagnostics import Diagnostics as Diagnostics
 from .diagnostics.verdict import Verdict as Verdict
-from .model_errors.corrections import Corrections as Corrections
-from .model_errors.corrections import corrections as corrections
-from .model_errors.corrections import with_corrections as with_corrections
-from .model_errors.named_causes import ModelErrors as ModelErrors
-from .model_errors.named_causes import NamedCause as NamedCause
-from .model_errors.named_causes import named_causes as named_causes
+from .model_errors.corrections import (
+    Corrections as Corrections,
+    corrections as corrections,
+    with_corrections as with_corrections,
+)
+from .model_errors.named_causes import (
+    ModelErrors as ModelErrors,
+    NamedCause as NamedCause,
+    named_causes as named_causes,
+)
 from .model_errors.unchecked_causes import UncheckedCause as UncheckedCause
 from .report.audit_account import write_audit as write_audit
 from .report.builder import write_account as write_account
-from .validation.essential_parameters import EssentialParameters as EssentialParameters
-from .validation.essential_parameters import essential_parameters as essential_parameters
+from .validation.essential_parameters import (
+    EssentialParameters as EssentialParameters,
+    essential_parameters as essential_parameters,
+)
 from .validation.held_out.cross_validation import CrossValidation as CrossValidation
 from .validation.held_out.replay import as_logged as as_logged
-from .validation.identified_loop import IdentifiedJointLoop as IdentifiedJointLoop
-from .validation.identified_loop import IdentifiedLoop as IdentifiedLoop
-from .validation.identified_loop import identified_loop as identified_loop
-from .validation.residuals.residual_tests import ResidualTests as ResidualTests
-from .validation.residuals.residual_tests import residual_tests as residual_tests
+from .validation.identified_loop import (
+    IdentifiedJointLoop as IdentifiedJointLoop,
+    IdentifiedLoop as IdentifiedLoop,
+    identified_loop as identified_loop,
+)
+from .validation.residuals.residual_tests import (
+    ResidualTests as ResidualTests,
+    residual_tests as residual_tests,
+)

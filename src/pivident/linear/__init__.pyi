@@ -1,14 +1,8 @@
 from .arx import arx as arx
-from .conversion import from_control as from_control
-from .conversion import from_scipy as from_scipy
+from .conversion import from_control as from_control, from_scipy as from_scipy
 from .estimate import LinearEstimate as LinearEstimate
 from .free_law import identify_free_law as identify_free_law
-from .model import Noise as Noise
-from .model import ar as ar
-from .model import arma as arma
-from .model import select_arma as select_arma
+from .model import Noise as Noise, ar as ar, arma as arma, select_arma as select_arma
 from .order_selection import select_orders as select_orders
-from .sriv import riv as riv
-from .sriv import sriv as sriv
-from .srivc import rivc as rivc
-from .srivc import srivc as srivc
+from .sriv import riv as riv, sriv as sriv
+from .srivc import rivc as rivc, srivc as srivc

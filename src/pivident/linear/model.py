@@ -24,10 +24,7 @@ from pivident.foundation.document.document import Accounted
 from pivident.foundation.document.estimated import Estimated
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.text.display import Displayed
-from pivident.signals.arma import Noise as Noise
-from pivident.signals.arma import ar as ar
-from pivident.signals.arma import arma as arma
-from pivident.signals.arma import select_arma as select_arma
+from pivident.signals.arma import Noise as Noise, ar as ar, arma as arma, select_arma as select_arma
 
 Hold = Literal["zoh", "foh"]
 #: Poles on the imaginary axis are moved this far to the left, relative to their modulus.

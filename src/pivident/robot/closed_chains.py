@@ -299,9 +299,11 @@ def _largest_gap(tree: Robot, constraints: Constraints, value: np.ndarray) -> tu
     for closure in constraints.closures:
         own = value[first : first + closure.equations]
         apart, turned = np.linalg.norm(own[:3]), np.abs(own[3:]).max(initial=0.0)
-        text = f"its ends are {apart:.3g} m apart"
-        if apart <= CLOSED:
-            text = f"its axes are {np.degrees(np.arcsin(min(turned, 1.0))):.3g}° off"
+        text = (
+            f"its axes are {np.degrees(np.arcsin(min(turned, 1.0))):.3g}° off"
+            if apart <= CLOSED
+            else f"its ends are {apart:.3g} m apart"
+        )
         size = float(max(apart, turned))
         gaps.append((size, f"loop {closure.name!r} does not close: {text}", True))
         first += closure.equations

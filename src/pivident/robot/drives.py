@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError, require_known
 from pivident.robot.description import Coupling, Robot
-from pivident.robot.naming import find_joint, nearest
+from pivident.robot.naming import find_joint
 from pivident.robot.transmission import Transmission
 
 #: One number for each joint: in order, or by joint name (joints left out keep their value).
@@ -124,10 +124,7 @@ def _per_joint(
     if isinstance(given, Mapping):
         values = np.array(before, dtype=float)
         for name, value in given.items():
-            if name not in names:
-                raise RobotDescriptionError(
-                    f"{key}: there is no joint {name!r}", advice=nearest(name, names)
-                )
+            require_known(name, names, f"{key}: there is no joint {name!r}", RobotDescriptionError)
             values[list(names).index(name)] = _numbers(key, value)
     else:
         values = _numbers(key, given)

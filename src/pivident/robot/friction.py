@@ -13,27 +13,34 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pivident.foundation.errors import UnusableValue, require_kind
+from pivident.foundation.errors import UnusableValue, require_kind, require_known
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.toml import toml_value
 from pivident.robot.friction_column import Shape
 from pivident.robot.friction_term import FrictionTerm, TermKind
 from pivident.robot.friction_terms import OWN_COLUMNS, TERM_KINDS
-from pivident.robot.friction_terms.coulomb import asymmetric_coulomb as asymmetric_coulomb
-from pivident.robot.friction_terms.coulomb import coulomb as coulomb
-from pivident.robot.friction_terms.coulomb import load_dependent as load_dependent
+from pivident.robot.friction_terms.coulomb import (
+    asymmetric_coulomb as asymmetric_coulomb,
+    coulomb as coulomb,
+    load_dependent as load_dependent,
+)
 from pivident.robot.friction_terms.offset import offset as offset
-from pivident.robot.friction_terms.position import counterbalance as counterbalance
-from pivident.robot.friction_terms.position import ripple as ripple
-from pivident.robot.friction_terms.position import spring as spring
-from pivident.robot.friction_terms.presliding import dahl as dahl
-from pivident.robot.friction_terms.presliding import lugre as lugre
-from pivident.robot.friction_terms.presliding import maxwell_slip as maxwell_slip
+from pivident.robot.friction_terms.position import (
+    counterbalance as counterbalance,
+    ripple as ripple,
+    spring as spring,
+)
+from pivident.robot.friction_terms.presliding import (
+    dahl as dahl,
+    lugre as lugre,
+    maxwell_slip as maxwell_slip,
+)
 from pivident.robot.friction_terms.stribeck import stribeck as stribeck
-from pivident.robot.friction_terms.viscous import asymmetric_viscous as asymmetric_viscous
-from pivident.robot.friction_terms.viscous import power_viscous as power_viscous
-from pivident.robot.friction_terms.viscous import viscous as viscous
-from pivident.robot.naming import nearest
+from pivident.robot.friction_terms.viscous import (
+    asymmetric_viscous as asymmetric_viscous,
+    power_viscous as power_viscous,
+    viscous as viscous,
+)
 
 
 @dataclass(frozen=True)
@@ -104,10 +111,7 @@ class FrictionLaw(Displayed):
         """
         known = [s.name for s in self.shapes] + ["gamma"] * any(t.has_sign for t in self.terms)
         for name in values:
-            if name not in known:
-                raise UnusableValue(
-                    f"the law {self} has no constant {name!r}", advice=nearest(name, known)
-                )
+            require_known(name, known, f"the law {self} has no constant {name!r}", UnusableValue)
         return FrictionLaw(tuple(t.with_shapes(dict(values)) for t in self.terms))
 
     def with_default_gamma(self, gamma: float) -> FrictionLaw:

@@ -54,7 +54,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError, require_known
 from pivident.foundation.files import regular_file
 from pivident.foundation.text.toml import MAX_FILE, parse_toml
 from pivident.robot.closed_chains import Member, merge_fixed
@@ -316,12 +316,13 @@ def _nominal_friction(robot: Robot, rows: Sequence[JointEntry]) -> dict[str, flo
     for i, (row, joint) in enumerate(zip(rows, robot.tree.joints, strict=True)):
         stems = [term.stem for term in joint.friction.terms]
         for stem, value in row.nominal_friction.items():
-            if stem not in stems:
-                raise RobotDescriptionError(
-                    f"joint {row.name!r}: key 'nominal_friction': its friction law has no "
-                    f"parameter {stem!r}",
-                    advice=nearest(stem, stems),
-                )
+            require_known(
+                stem,
+                stems,
+                f"joint {row.name!r}: key 'nominal_friction': its friction law has no "
+                f"parameter {stem!r}",
+                RobotDescriptionError,
+            )
             values[f"{stem}{robot.label(i)}"] = value
     return values
 

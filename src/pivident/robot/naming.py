@@ -8,8 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from pivident.foundation.errors import RobotDescriptionError
-from pivident.foundation.text.sentences import near_names as near_names
-from pivident.foundation.text.sentences import nearest as nearest
+from pivident.foundation.text.sentences import near_names as near_names, nearest as nearest
 
 #: Endings of robot files: a name with one of them is a path.
 URDF_FILES = (".urdf", ".urdf.gz", ".URDF")

@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError, require_known
 from pivident.foundation.files import regular_file
 from pivident.robot.frames import Pose, exact_angle, residues, rotation_from_rpy
 from pivident.robot.inertia import from_center_of_mass, moved, tensor
-from pivident.robot.naming import expand_xacro, nearest, repeated
+from pivident.robot.naming import expand_xacro, repeated
 
 #: Largest URDF that is read, after decompression [bytes]; real ones have some 100 kB.
 MAXIMUM_SIZE = 8 * 2**20
@@ -209,10 +209,12 @@ def _root(content: bytes | str) -> ElementTree.Element:
 def _joint(element: ElementTree.Element, name: str, link_names: list[str]) -> UrdfJoint:
     where = f"joint {name!r}"
     joint_type = _attribute(element, "type", where)
-    if joint_type not in JOINT_TYPES:
-        raise RobotDescriptionError(
-            f"{where}: type {joint_type!r} does not exist", advice=nearest(joint_type, JOINT_TYPES)
-        )
+    require_known(
+        joint_type,
+        JOINT_TYPES,
+        f"{where}: type {joint_type!r} does not exist",
+        RobotDescriptionError,
+    )
     limit = element.find("limit")
     dynamics = element.find("dynamics")
     mimic = element.find("mimic")
@@ -240,10 +242,9 @@ def _end(element: ElementTree.Element, tag: str, where: str, link_names: list[st
     if end is None:
         raise RobotDescriptionError(f"{where}: element <{tag}> is missing", advice="add it")
     link = _attribute(end, "link", f"{where}: {tag}")
-    if link not in link_names:
-        raise RobotDescriptionError(
-            f"{where}: {tag} link {link!r} is not in the file", advice=nearest(link, link_names)
-        )
+    require_known(
+        link, link_names, f"{where}: {tag} link {link!r} is not in the file", RobotDescriptionError
+    )
     return link
 
 

@@ -1,5 +1,6 @@
-from .bandpass import BandpassedSignal as BandpassedSignal
-from .bandpass import bandpass as bandpass
-from .bandpass import butterworth as butterworth
-from .random_walk import SmoothedSignal as SmoothedSignal
-from .random_walk import irwsm as irwsm
+from .bandpass import (
+    BandpassedSignal as BandpassedSignal,
+    bandpass as bandpass,
+    butterworth as butterworth,
+)
+from .random_walk import SmoothedSignal as SmoothedSignal, irwsm as irwsm

@@ -23,8 +23,7 @@ from tests.app.studio.projects import (
     make_project,
     wait_for,
 )
-from tests.planar_log import EXPERIMENT as PLANAR
-from tests.planar_log import write_experiment
+from tests.planar_log import EXPERIMENT as PLANAR, write_experiment
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals and locks of POSIX")
 

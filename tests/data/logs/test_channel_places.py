@@ -2,8 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from pivident.data.logs.channel_places import ChannelPlace, array_of, assemble, locate
 from pivident.foundation.errors import RecordingError, UnknownColumn

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.grouping.closed_form import closed_form_base_parameters

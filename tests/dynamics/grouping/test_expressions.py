@@ -9,8 +9,7 @@ import sys
 import numpy as np
 import pytest
 import sympy
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.grouping.expressions import (

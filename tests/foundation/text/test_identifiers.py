@@ -3,8 +3,7 @@
 import keyword
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.foundation.text.identifiers import (
     RESERVED,

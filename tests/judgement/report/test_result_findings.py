@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.foundation.text.finding import Finding
-from pivident.judgement.report.sections.verdict import disagreements
-from pivident.judgement.report.sections.verdict import findings as remarks
+from pivident.judgement.report.sections.verdict import disagreements, findings as remarks
 from pivident.judgement.validation.residuals.residual_tests import residual_tests
 from tests.synthetic_identification import synthetic_identification
 

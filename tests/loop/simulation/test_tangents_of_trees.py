@@ -4,8 +4,7 @@ Friction is smooth enough for the simulation to take the same kind of step at ev
 """
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.loop.simulation.control_loop import virtual_pd

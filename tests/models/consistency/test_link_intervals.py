@@ -9,8 +9,7 @@ import pytest
 from pivident.dynamics.parameters import nominal_values
 from pivident.judgement.diagnostics.consistent_estimate import consistent_estimate
 from pivident.judgement.diagnostics.stored_consistent import consistent_json
-from pivident.models.consistency import cone_program
-from pivident.models.consistency import profile_intervals as intervals_module
+from pivident.models.consistency import cone_program, profile_intervals as intervals_module
 from pivident.models.consistency.consistent_model import make_consistent
 from pivident.models.consistency.constraints import Bounds
 from pivident.models.consistency.link_intervals import link_rows

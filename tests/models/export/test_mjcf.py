@@ -5,8 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.foundation.errors import ExportError
 from pivident.models.export.joint_side import joint_side

@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.app.cli.export import check_targets, write_export
 from pivident.foundation.errors import ExportError, PividentError, RobotDescriptionError

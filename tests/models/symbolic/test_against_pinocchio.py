@@ -4,8 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.models.symbolic.newton_euler import inverse_model

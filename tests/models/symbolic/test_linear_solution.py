@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.grouping.expressions import ONE, ZERO, constant, evaluate, operation_count

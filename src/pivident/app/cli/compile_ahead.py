@@ -13,6 +13,8 @@ import atexit
 import subprocess
 import sys
 
+import numpy as np
+
 from pivident.app.cli.console import note
 from pivident.foundation.compiled import is_compiled
 
@@ -65,8 +67,6 @@ def _end(process: subprocess.Popen) -> None:
 
 def compile_shared() -> None:
     """Run, on two seconds of a planar arm and on noise, what every robot needs."""
-    import numpy as np
-
     from pivident.dynamics.forward import mass_matrix
     from pivident.dynamics.parameters import nominal_values, standard_parameters
     from pivident.estimation.identify import identify

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from pivident.app.cli.console import Progress, note
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.files import write_file
+from pivident.foundation.text.numbers import plain_table
 from pivident.foundation.text.sentences import separated
 
 if TYPE_CHECKING:
@@ -98,7 +99,6 @@ def _checked(problem: Problem, choice: LawChoice, method: Method | None, unseen:
     """Errors on motion that was not fitted, of the whole robot before and after."""
     from pivident.estimation.least_squares import LeastSquares
     from pivident.estimation.signal_recipes import RandomWalk
-    from pivident.foundation.text.numbers import plain_table
     from pivident.judgement.validation.held_out.cross_validation import cross_validate
 
     method = method or LeastSquares(signals=RandomWalk())

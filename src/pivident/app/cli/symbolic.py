@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from pivident.app.cli.console import note
-from pivident.foundation.errors import PividentError
+from pivident.foundation.errors import PividentError, require_known
 from pivident.foundation.text.numbers import plain_table
 from pivident.foundation.text.sentences import separated
 
@@ -93,12 +93,9 @@ def symbolic(
 
 def _chosen(option: str, given: Sequence[str], known: Collection[str]) -> list[str]:
     """Names of an option, all known ones where none is given."""
-    from pivident.robot.naming import nearest
-
     names = separated(given)
     for name in names:
-        if name not in known:
-            raise PividentError(f"{option}: there is no {name!r}", advice=nearest(name, known))
+        require_known(name, known, f"{option}: there is no {name!r}", PividentError)
     if given and not names:
         raise PividentError(f"{option} names nothing", advice=f"choose from {', '.join(known)}")
     return list(dict.fromkeys(names)) or list(known)

@@ -17,6 +17,7 @@ from pivident.app.studio.rows import Row, channel_of
 from pivident.app.studio.run_folder import ACCOUNT, read_object
 from pivident.app.studio.step_arguments import StepError, result_folder
 from pivident.experiment.check.plan import Plan
+from pivident.foundation.text.plain_values import lists_as_tuples
 from pivident.foundation.text.repair import Place
 from pivident.foundation.text.sentences import plural
 from pivident.judgement.diagnostics.stored_verdict import VERDICT_FILE, rejected_uses
@@ -189,8 +190,4 @@ def _remark(number: int, remark: dict[str, Any], rows: Sequence[Row]) -> dict[st
 
 def _plan(stored: dict[str, Any] | None) -> list[tuple[str, str]]:
     """The plan as lines of a key and its words."""
-    return Plan(**{k: _tuples(v) for k, v in stored.items()}).lines if stored else []
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+    return Plan(**{k: lists_as_tuples(v) for k, v in stored.items()}).lines if stored else []

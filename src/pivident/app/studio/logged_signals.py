@@ -242,9 +242,9 @@ def _about(
 ) -> dict[str, Any]:
     """What is said of a recording."""
     start, stop = (float(t[0]), float(t[-1])) if t.size else (0.0, 0.0)
-    excluded = []
-    if part is not None:
-        excluded = [[a, b] for a, b in ((start, part[0]), (part[1], stop)) if b > a]
+    excluded = (
+        [] if part is None else [[a, b] for a, b in ((start, part[0]), (part[1], stop)) if b > a]
+    )
     rate = None
     if kind != "samples" and t.size > 1 and stop > start:
         rate = mean_rate(t) if kind == "stamps" else (t.size - 1) / (stop - start)

@@ -32,10 +32,9 @@ from pivident.app.studio.tasks import Tasks
 from pivident.data.logs.tables.tables import is_log
 from pivident.experiment.edited_file import confirmed, edited
 from pivident.foundation.codec import decode
-from pivident.foundation.errors import ExperimentError, UnusableValue
+from pivident.foundation.errors import ExperimentError, UnusableValue, require_known
 from pivident.foundation.text.toml import string_text
 from pivident.robot.gallery import gallery_names
-from pivident.robot.naming import nearest
 
 
 class Studio:
@@ -102,8 +101,7 @@ class Studio:
             ProjectError: there is no such robot.
         """
         known = [*gallery_names(), *(p.name for p in project.inputs() if is_robot(p))]
-        if model not in known:
-            raise ProjectError(f"there is no robot {model!r}", advice=nearest(model, known))
+        require_known(model, known, f"there is no robot {model!r}", ProjectError)
         text = project.text
         view = Content(text)
         if not view.robot:

@@ -38,9 +38,7 @@ def in_order_of(robot: Robot, recording: Recording) -> Recording:
         return reordered(recording, [there.index(name) for name in wanted])
     if there == tuple(numbered_joints(len(wanted))):
         return replace(recording, joint_names=wanted)
-    counts = ""
-    if len(there) != len(wanted):
-        counts = f" ({len(there)} joints instead of {len(wanted)})"
+    counts = f" ({len(there)} joints instead of {len(wanted)})" if len(there) != len(wanted) else ""
     strange = [name for name in there if name not in wanted]
     near = {name: near_names(name, set(wanted) - set(there)) for name in strange}
     meant = [f"{name} may be {names[0]}" for name, names in near.items() if names]

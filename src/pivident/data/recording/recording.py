@@ -196,9 +196,9 @@ class Recording(Printed):
         if self.torque_source != "measured":
             return  # a law is constant and cut off where it commands so
         # a joint whose torque nobody measured has none that could be wrong
-        own = np.arange(self.joints)
-        if self.valid is not None:
-            own = np.flatnonzero(self.valid.any(axis=0))
+        own = (
+            np.arange(self.joints) if self.valid is None else np.flatnonzero(self.valid.any(axis=0))
+        )
         if not self.allow_constant:
             checks.check_changing("tau", self.tau[:, own], [self.joint_names[j] for j in own])
         if self.saturation == "refuse":

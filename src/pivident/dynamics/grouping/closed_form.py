@@ -41,8 +41,7 @@ from pivident.dynamics.grouping.geometry import (
     numbers,
 )
 from pivident.dynamics.grouping.polynomial import Polynomial
-from pivident.dynamics.grouping.rows import ONE as WHOLE
-from pivident.dynamics.grouping.rows import Reach, Row
+from pivident.dynamics.grouping.rows import ONE as WHOLE, Reach, Row
 from pivident.dynamics.grouping.rules import JointRules, LocalGroups
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.foundation.common_work import once

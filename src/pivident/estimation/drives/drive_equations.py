@@ -34,7 +34,7 @@ from pivident.estimation.drives.known_payload import Payload
 from pivident.estimation.full_rate import BLOCK, valid_samples
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
-from pivident.foundation.errors import ExperimentError, IdentificationError
+from pivident.foundation.errors import ExperimentError, IdentificationError, require_known
 from pivident.loop.motion.motion import (
     Kinematics,
     SimulatedMotion,
@@ -188,9 +188,9 @@ def gain_unknowns(
             advice="give both or neither",
         )
     base = problem.base
-    columns = np.zeros((len(base), len(INERTIAL)))
-    if payload is not None:
-        columns = payload.base_columns(base)
+    columns = (
+        np.zeros((len(base), len(INERTIAL))) if payload is None else payload.base_columns(base)
+    )
     kept = sorted({*problem.selection, *np.flatnonzero(np.abs(columns).sum(axis=1)).tolist()})
     names = [base.names[k] for k in kept]
     wide = replace(problem, recordings=(*problem.recordings, *loaded), parameters=tuple(names))
@@ -221,11 +221,9 @@ def gain_unknowns(
             directions.append((payload.mass_std, (nothing_known, columns @ payload.per_mass())))
     gains = {}
     for name, given in trusted_gains.items():
-        if name not in problem.robot.joint_names:
-            raise ExperimentError(
-                f"a gain is trusted of joint {name!r}",
-                advice=nearest(name, problem.robot.joint_names),
-            )
+        require_known(
+            name, problem.robot.joint_names, f"a gain is trusted of joint {name!r}", ExperimentError
+        )
         gains[problem.robot.joint_names.index(name)] = _as_trusted(given)
     return GainUnknowns(wide, loads, tuple(maps), tuple(offsets), tuple(directions), gains)
 

@@ -35,7 +35,7 @@ def file_problems(
         raise ExperimentError.of_part(f"{path}: ", error) from error
     text = path.read_text(encoding="utf-8-sig")
     if robot is not None:
-        model = robot if not _is_file(robot) else str(Path(robot).absolute())
+        model = str(Path(robot).absolute()) if robot.endswith(ROBOT_FILES) else robot
         content = content | {"robot": {"model": model}}
     plain = plain_form(content)
     remarks = []
@@ -64,10 +64,6 @@ def file_problems(
         return text, None, [*remarks, of_error(error, "file", ("recording", 0))]
     experiment = Experiment(path, checked)
     return text, experiment, [*remarks, *_options(experiment)]
-
-
-def _is_file(robot: str) -> bool:
-    return robot.endswith(ROBOT_FILES)
 
 
 def _place(loc: Sequence[int | str], content: dict[str, Any]) -> Place:

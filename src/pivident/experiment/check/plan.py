@@ -32,6 +32,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from pivident.data.recording.recording import Recording
+from pivident.dynamics.regressor_kernels import observe
 from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
@@ -247,8 +248,6 @@ def _line(constants: tuple[float, float], size: float) -> float:
 
 def first_run(methods: Mapping[str, Method], looped: bool) -> float:
     """Processor time to compile what is not in the caches yet [s]; ``looped``: by a control law."""
-    from pivident.dynamics.regressor_kernels import observe
-
     missing = 0.0 if is_compiled(observe) else COMPILING[0]
     if not simulates(methods, looped):
         return missing

@@ -48,9 +48,11 @@ def check_robot(robot: Robot, model: str) -> list[Finding]:
     findings += check_bodies(robot, file)
     massless = [link.name for link in tree.links if link.is_body and not np.any(link.inertia)]
     if massless:
-        text = f"No link in {file} has a mass."
-        if len(massless) < sum(link.is_body for link in tree.links):
-            text = f"These links have no mass in {file}: {', '.join(massless)}."
+        text = (
+            f"These links have no mass in {file}: {', '.join(massless)}."
+            if len(massless) < sum(link.is_body for link in tree.links)
+            else f"No link in {file} has a mass."
+        )
         step = (
             "Least squares does not need them. IV and PIV start from them: give rough values "
             "of mass, centre of mass and inertia. Gains and signs of the torque cannot be "

@@ -43,6 +43,7 @@ from pivident.foundation.errors.kinds import (
     concerning,
     in_words,
     require_kind,
+    require_known,
 )
 from pivident.foundation.errors.recordings import (
     BadCell,
@@ -116,4 +117,5 @@ __all__ = [
     "concerning",
     "in_words",
     "require_kind",
+    "require_known",
 ]

@@ -12,13 +12,13 @@ import copyreg
 import os
 import pickle
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
 from pivident.foundation.text.identifiers import shortened
-from pivident.foundation.text.sentences import NearestNames
+from pivident.foundation.text.sentences import NearestNames, nearest
 
 
 class Advised(Exception):
@@ -177,6 +177,22 @@ def require_kind(argument: str, value: Any, kind: Any, advice: str = "") -> None
 
 class UnknownName(PividentError, KeyError):
     """A name of a parameter, a constant or a joint that is not there."""
+
+
+def require_known(name: str, known: Collection[str], fact: str, error: type[PividentError]) -> None:
+    """Refuse a name that is not among the known ones, with those that are near it.
+
+    Args:
+        name: what was given.
+        known: what there is.
+        fact: what was seen, a half sentence that quotes the name.
+        error: kind of the error.
+
+    Raises:
+        PividentError: an ``error``, with what may be meant, or all that is known.
+    """
+    if name not in known:
+        raise error(fact, advice=nearest(name, known))
 
 
 class RobotDescriptionError(PividentError, ValueError):

@@ -53,9 +53,11 @@ class Quantity:
     digits: Annotated[int, NOT_STORED] = 4
 
     def __str__(self) -> str:
-        text = f"{self.value:.{self.digits}g}"
-        if self.interval is not None:
-            text = plus_minus(self.value, (self.interval[1] - self.interval[0]) / 2)
+        text = (
+            f"{self.value:.{self.digits}g}"
+            if self.interval is None
+            else plus_minus(self.value, (self.interval[1] - self.interval[0]) / 2)
+        )
         return text if self.unit.startswith("unit") else f"{text} {self.unit}".rstrip()
 
 

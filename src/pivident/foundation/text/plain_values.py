@@ -170,6 +170,11 @@ def plain(value: Any, in_words: bool = False) -> Any:
     return str(value)
 
 
+def lists_as_tuples(value: Any) -> Any:
+    """What was read of a file, with tuples for lists, so that it can be compared and hashed."""
+    return tuple(map(lists_as_tuples, value)) if isinstance(value, list) else value
+
+
 def strict_json(value: Any) -> str:
     """JSON on one line."""
     return json.dumps(value, allow_nan=False, ensure_ascii=False)

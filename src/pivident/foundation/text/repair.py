@@ -14,6 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, ClassVar, Self
 
+from pivident.foundation.text.plain_values import lists_as_tuples
+
 #: Tables, keys and numbers of elements, such as ``("recording", 0, "units", "q")``.
 Place = tuple[int | str, ...]
 
@@ -316,8 +318,6 @@ def _edit_of(content: Mapping[str, Any]) -> Change:
     kind = CHANGES[content["edit"]]
     if content.keys() - {"edit", *[field.name for field in fields(kind)]}:
         raise TypeError
-    return kind(**{n: x if n == "value" else _tuples(x) for n, x in content.items() if n != "edit"})
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+    return kind(
+        **{n: x if n == "value" else lists_as_tuples(x) for n, x in content.items() if n != "edit"}
+    )

@@ -83,9 +83,11 @@ def nearest(name: str, known: Iterable[str]) -> NearestNames:
     """A half sentence that names the nearest known names, or lists all of them."""
     choices = list(known)
     close = near_names(name, choices)
-    text = f"known are {', '.join(map(repr, choices)) or 'none'}"
-    if close:
-        text = f"did you mean {' or '.join(map(repr, close))}?"
+    text = (
+        f"did you mean {' or '.join(map(repr, close))}?"
+        if close
+        else f"known are {', '.join(map(repr, choices)) or 'none'}"
+    )
     return NearestNames.of(text, name, close)
 
 

@@ -27,8 +27,7 @@ from pivident.signals.algebraic import algebraic_gain
 from pivident.signals.bandpass import bandpass_response
 from pivident.signals.decimation import EDGE_OF_BAND, decimation_gain, decimation_stages
 from pivident.signals.prefilter import Prefilter
-from pivident.signals.random_walk_model import gain as smoother_gain
-from pivident.signals.random_walk_model import nvr_from_f50
+from pivident.signals.random_walk_model import gain as smoother_gain, nvr_from_f50
 
 if TYPE_CHECKING:
     from pivident.judgement.validation.identified_loop import IdentifiedJointLoop

@@ -43,8 +43,7 @@ from pivident.dynamics.kernels import (
     invert_mass_matrix,
     link_poses,
 )
-from pivident.foundation.compiled import inlined as _inline
-from pivident.foundation.compiled import inner, rows, section
+from pivident.foundation.compiled import inlined as _inline, inner, rows, section
 
 #: Largest ‖M⁻¹D‖·h of an inner step: of the linear one (its polynomial is stable to 2.8) …
 STIFFNESS_PER_STEP = 1.0

@@ -32,8 +32,7 @@ from pivident.dynamics.friction_table import OF_POSITION
 from pivident.dynamics.lanes import row_array
 from pivident.dynamics.path_partials import position_partial
 from pivident.dynamics.rigid_body_slopes import inertial_columns
-from pivident.foundation.compiled import inlined as _inline
-from pivident.foundation.compiled import inner, rows
+from pivident.foundation.compiled import inlined as _inline, inner, rows
 from pivident.loop.simulation.controllers import TAPS
 from pivident.loop.simulation.friction_tangent import PATH, constant_torque
 from pivident.loop.simulation.integration import (

@@ -22,15 +22,14 @@ from pivident.dynamics.path_partials import (
     OF_TIME,
     OF_TRAVEL,
     OF_VALUES,
+    RATE as _RATE_ROW,
     SLOPE,
+    STATE as _STATE_ROW,
     STIFFNESS,
     TORQUE,
     path_partials,
 )
-from pivident.dynamics.path_partials import RATE as _RATE_ROW
-from pivident.dynamics.path_partials import STATE as _STATE_ROW
-from pivident.foundation.compiled import inlined as _inline
-from pivident.foundation.compiled import inner, rows
+from pivident.foundation.compiled import inlined as _inline, inner, rows
 from pivident.loop.simulation.friction_tangent import PATH, friction_tangent, slope_times_tangent
 from pivident.loop.simulation.integration import (
     FRICTION,

@@ -27,8 +27,7 @@ from pivident.dynamics.friction_table import (
     friction_torque,
     path_torque,
 )
-from pivident.foundation.compiled import inlined as _inline
-from pivident.foundation.compiled import inner, rows, section
+from pivident.foundation.compiled import inlined as _inline, inner, rows, section
 from pivident.loop.simulation.integration import (
     FRICTION,
     FRICTION_KNOWN,

@@ -21,8 +21,7 @@ from pivident.dynamics.rigid_body_slopes import (
     place_links,
     torque_slopes,
 )
-from pivident.foundation.compiled import inlined as _inline
-from pivident.foundation.compiled import inner, rows
+from pivident.foundation.compiled import inlined as _inline, inner, rows
 from pivident.loop.simulation.friction_tangent import PATH
 from pivident.loop.simulation.integration import (
     BIAS,

@@ -30,8 +30,12 @@ from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.foundation.errors import ExperimentError, ShapeMismatch, require_kind
 from pivident.foundation.progress import Stages
 from pivident.foundation.text.display import Displayed
-from pivident.loop.simulation.closed_loop import LoopSignals, Trajectory, in_whole_counts
-from pivident.loop.simulation.closed_loop import simulate as simulate_loop
+from pivident.loop.simulation.closed_loop import (
+    LoopSignals,
+    Trajectory,
+    in_whole_counts,
+    simulate as simulate_loop,
+)
 from pivident.loop.simulation.control_loop import Loop, loop_feed_forward, with_measured_gravity
 from pivident.loop.simulation.controllers import Controller
 from pivident.loop.simulation.reference import point_to_point

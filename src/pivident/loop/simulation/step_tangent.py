@@ -13,8 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.dynamics.lanes import LANES, load, nothing, store
-from pivident.foundation.compiled import inlined as _inline
-from pivident.foundation.compiled import inner, rows
+from pivident.foundation.compiled import inlined as _inline, inner, rows
 from pivident.loop.simulation.friction_tangent import (
     friction_block,
     friction_columns,

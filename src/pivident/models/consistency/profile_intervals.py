@@ -19,12 +19,11 @@ import numpy as np
 
 from pivident.foundation.distributions import chi_square
 from pivident.foundation.document.table import Column, Table
-from pivident.foundation.errors import IdentificationError, UnknownName
+from pivident.foundation.errors import IdentificationError, UnknownName, require_known
 from pivident.foundation.text.display import Displayed
 from pivident.models.consistency.cone_program import Requirement, Solved, solve_cone_program
 from pivident.models.consistency.constraints import Constraint
 from pivident.models.consistency.nearest_consistent import StandardSpace, imposed, within_distance
-from pivident.robot.naming import nearest
 
 #: Undetermined parameters are searched up to this many times the size of the reference. An end that
 #: grows with that limit (with the limit itself or its root, 1 or ½ of the end) is unbounded.
@@ -55,8 +54,7 @@ class ProfileIntervals(Displayed):
 
     def of(self, name: str) -> tuple[float, float]:
         """Interval of one quantity."""
-        if name not in self.names:
-            raise UnknownName(f"no quantity {name!r}", advice=nearest(name, self.names))
+        require_known(name, self.names, f"no quantity {name!r}", UnknownName)
         k = self.names.index(name)
         return float(self.low[k]), float(self.high[k])
 

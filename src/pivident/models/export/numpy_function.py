@@ -110,9 +110,11 @@ def friction_in_groups(base: BaseParameters) -> bool:
 
 def provenance_lines(model: RunnableModel) -> list[str]:
     """Beginning of a header: robot, which parameters of which method, what is said against them."""
-    made = "the estimate, not made physically consistent"
-    if model.consistent:
-        made = "the consistent set, which a machine can have"
+    made = (
+        "the consistent set, which a machine can have"
+        if model.consistent
+        else "the estimate, not made physically consistent"
+    )
     by = f"exported by pivident {one_line(model.origin.version)}".rstrip()
     lines = [
         f"Dynamic model of {one_line(model.robot.name)}, {by}.",

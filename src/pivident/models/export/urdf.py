@@ -310,9 +310,11 @@ def _check_same_robot(ours: Robot, theirs: Robot) -> None:
         )
     for own, other in zip(ours.tree.joints, theirs.tree.joints, strict=True):
         if own.kind != other.kind or own.parent != other.parent:
-            what = f"is {other.kind} there and {own.kind} in the model"
-            if own.parent != other.parent:
-                what = "hangs on another link there"
+            what = (
+                "hangs on another link there"
+                if own.parent != other.parent
+                else f"is {other.kind} there and {own.kind} in the model"
+            )
             raise ExportError(f"the original URDF is another robot: joint {own.name!r} {what}")
         shift = np.abs(own.translation - other.translation).max()
         turn = np.abs(own.rotation - other.rotation).max()

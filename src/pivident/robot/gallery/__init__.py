@@ -6,11 +6,11 @@ import re
 from importlib.resources import files
 from pathlib import Path
 
-from pivident.foundation.errors import RobotDescriptionError
+from pivident.foundation.errors import RobotDescriptionError, require_known
 from pivident.robot.description import Robot
 from pivident.robot.mjcf import read_mjcf
 from pivident.robot.modified_dh import parse_modified_dh, read_modified_dh
-from pivident.robot.naming import MJCF_FILES, URDF_FILES, nearest, refuse_xacro
+from pivident.robot.naming import MJCF_FILES, URDF_FILES, refuse_xacro
 from pivident.robot.urdf import read_urdf
 
 
@@ -55,9 +55,8 @@ def load_robot(name_or_path: str | Path) -> Robot:
             advice="a file ends with .toml, .urdf, .urdf.gz, .xml or .mjcf, and the gallery has "
             f"{', '.join(gallery_names())}",
         )
-    if text not in gallery_names():
-        raise RobotDescriptionError(
-            f"the gallery has no robot {text!r}", advice=nearest(text, gallery_names())
-        )
+    require_known(
+        text, gallery_names(), f"the gallery has no robot {text!r}", RobotDescriptionError
+    )
     source = files(__name__) / f"{text}.toml"
     return parse_modified_dh(source.read_text(encoding="utf-8"), source=f"gallery robot {text!r}")

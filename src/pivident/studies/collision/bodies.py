@@ -13,12 +13,11 @@ from typing import Annotated, Literal
 import numpy as np
 
 from pivident.experiment.excite_keys import SHAPES, ObstacleShape
-from pivident.foundation.errors import ExperimentError, RobotDescriptionError
+from pivident.foundation.errors import ExperimentError, RobotDescriptionError, require_known
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import Limits, Name
 from pivident.robot.description import MAX_JOINTS, Robot
 from pivident.robot.frames import Matrix3, Vector3, rotation_from_z_to
-from pivident.robot.naming import nearest
 from pivident.studies.collision.distances import BOX, CYLINDER, SEGMENT
 
 #: Name of the fixed link where the description gives it none.
@@ -158,10 +157,7 @@ class Obstacle(Displayed):
 
     def __post_init__(self) -> None:
         where = f"obstacle {self.name!r}"
-        if self.shape not in SHAPES:
-            raise ExperimentError(
-                f"{where}: shape {self.shape!r}", advice=nearest(self.shape, SHAPES)
-            )
+        require_known(self.shape, SHAPES, f"{where}: shape {self.shape!r}", ExperimentError)
         rotation = np.asarray(self.rotation)
         # Comparisons are written so that NaN fails them.
         if rotation.shape != (3, 3) or not np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-6:

@@ -41,7 +41,6 @@ from pivident.studies.comparison.compared_results import (
     Difference,
     Estimate,
 )
-from pivident.studies.comparison.entry import Entry
 from pivident.studies.comparison.friction_curves import FrictionCurve, JointFriction
 from pivident.studies.comparison.remarks import findings, level_sentence, rows_text, share_text
 from pivident.studies.comparison.side_by_side import (
@@ -223,7 +222,22 @@ def to_values(comparison: ComparedResults) -> dict[str, Any]:
         "interval": "2 sigma",
         "one_machine": comparison.one_machine,
         "results": [
-            _entry_values(entry, same)
+            {
+                "label": entry.label,
+                "kind": entry.kind,
+                "method": entry.method,
+                "robot": entry.robot.name,
+                "parameters": len(entry.names),
+                "left_out": entry.left_out,
+                "relative_error": entry.relative_error,
+                "condition": entry.condition,
+                "rows": entry.samples,
+                "converged": entry.converged,
+                "may_share_record_with_first": same,
+                "version": entry.version,
+                "inputs": entry.inputs,
+                "source": entry.source,
+            }
             for entry, same in zip(comparison.entries, comparison.same_record, strict=True)
         ],
         "parameters": [_parameter_values(comparison, p) for p in comparison.parameters],
@@ -307,25 +321,6 @@ def _latex_cell(text: str) -> str:
     shown = latex_number(value if spread else value.removeprefix("+"))
     shown += f" $\\pm$ {latex_number(spread)}" if spread else ""
     return shown + r"\rlap{*}" * bool(mark)
-
-
-def _entry_values(entry: Entry, same_record: bool) -> dict[str, Any]:
-    return {
-        "label": entry.label,
-        "kind": entry.kind,
-        "method": entry.method,
-        "robot": entry.robot.name,
-        "parameters": len(entry.names),
-        "left_out": entry.left_out,
-        "relative_error": entry.relative_error,
-        "condition": entry.condition,
-        "rows": entry.samples,
-        "converged": entry.converged,
-        "may_share_record_with_first": same_record,
-        "version": entry.version,
-        "inputs": entry.inputs,
-        "source": entry.source,
-    }
 
 
 def _parameter_values(comparison: ComparedResults, p: ComparedParameter) -> dict[str, Any]:

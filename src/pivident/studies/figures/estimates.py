@@ -12,8 +12,8 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import aligned_rows, method_labels
+from pivident.foundation.errors import require_known
 from pivident.judgement.report.intervals import interval_drawing
-from pivident.robot.naming import nearest
 from pivident.studies.comparison.entry import entry_of
 from pivident.studies.comparison.friction_curves import friction_curves
 from pivident.studies.comparison.groups import difference_of_geometry
@@ -73,8 +73,7 @@ def figure_of_intervals(
         raise FigureError(f"there are {len(labels)} labels for {len(many)} results")
     table = aligned_rows(many, truth)
     for name in parameters or ():
-        if name not in table:
-            raise FigureError(f"there is no parameter {name!r}", advice=nearest(name, table))
+        require_known(name, table, f"there is no parameter {name!r}", FigureError)
     names = list(parameters or table)
     height = min(len(names) * (_ROW + _FURTHER * (len(many) - 1)) + 0.3, MAX_HEIGHT - 0.35)
     with paper_style(ax):

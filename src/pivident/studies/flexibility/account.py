@@ -92,9 +92,11 @@ def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
         legend=True,
     )
     stiffness = of_kind(str(compliance.stiffness), sliding)
-    note = f"stiffness {stiffness}; lag and offset of the encoders are not removed"
-    if not compliance.explained:
-        note = f"{100 * compliance.unexplained:.2g} % of it is unexplained: no stiffness is given"
+    note = (
+        f"stiffness {stiffness}; lag and offset of the encoders are not removed"
+        if compliance.explained
+        else f"{100 * compliance.unexplained:.2g} % of it is unexplained: no stiffness is given"
+    )
     return Figure(plot, 320, "Deflection", f"Deflection over {quantity}; {note}", note)
 
 
@@ -169,7 +171,10 @@ def parts_of(found: JointFlexibility) -> list[Part]:
     """The results by method."""
     parts = []
     if found.compliance is not None:
-        rows = _compliance_rows(found.compliance)
+        rows = [
+            *(_estimated_rows(found.compliance) if found.compliance.explained else []),
+            *_recorded_rows(found.compliance),
+        ]
         parts.append(("both encoders, slow motion", rows, found.compliance.notes))
     if found.two_mass is not None:
         two = found.two_mass
@@ -224,10 +229,6 @@ def of_kind(text: str, sliding: bool) -> str:
 def _words(name: str) -> str:
     """A parameter name in words."""
     return name.replace("_", " ").replace("coulomb", "Coulomb")
-
-
-def _compliance_rows(c: Compliance) -> list[tuple[str, str]]:
-    return [*(_estimated_rows(c) if c.explained else []), *_recorded_rows(c)]
 
 
 def _estimated_rows(c: Compliance) -> list[tuple[str, str]]:

@@ -141,9 +141,11 @@ def _asymmetry(torque: FrictionTorque, fit: StateDependentFit) -> FrictionFindin
     if clear:
         speed, share, std = max(shares, key=lambda s: abs(s[1]) / max(s[2], 1e-300))
         brief = f"forwards less backwards {pm(share, std)} % at {_speed(torque, speed)}"
-        terms = "offset, or asymmetric Coulomb friction"
-        if differs:
-            terms = "viscous friction for each direction, offset"
+        terms = (
+            "viscous friction for each direction, offset"
+            if differs
+            else "offset, or asymmetric Coulomb friction"
+        )
     return _seen("asymmetry", sentence, at_fast, 2.0 * fast_std, "%", clear, brief, terms)
 
 
@@ -208,9 +210,11 @@ def _bend(torque: FrictionTorque, fit: StateDependentFit) -> FrictionFinding:
     if clear:
         words = "falls" if change < 0.0 else "rises"
         brief = f"a slope over speed that {words} by {pm(abs(change), std)} {unit}"
-        terms = "polynomial or degressive viscous friction"
-        if change > 0.0:
-            terms = "polynomial or progressive viscous friction"
+        terms = (
+            "polynomial or progressive viscous friction"
+            if change > 0.0
+            else "polynomial or degressive viscous friction"
+        )
         sentence = (
             f"The slope over speed {words} from {pm(*slopes[0])} to {pm(*slopes[1])} {unit} "
             f"(below and above {_speed(torque, middle)})."

@@ -31,7 +31,6 @@ from pivident.estimation.signal_recipes import Decimated, RandomWalk
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.version import __version__
 from pivident.loop.instruments.given_motion import InstrumentsUsed
-from pivident.loop.simulation.control_loop import Loop
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
 from pivident.robot.mounted import carrier_of
@@ -204,12 +203,11 @@ def _full_rate(
 
 def _loaded_problem(empty: Problem, loaded: Sequence[Recording]) -> Problem:
     """The same robot and loop with the loaded recordings."""
-    return replace(empty, recordings=tuple(loaded), loop=_without_reconstruction(empty.loop))
-
-
-def _without_reconstruction(loop: Loop | None) -> Loop | None:
-    """The loop without the parts of single recordings of the empty arm."""
-    return loop if loop is None else replace(loop, reconstructed=())
+    return replace(
+        empty,
+        recordings=tuple(loaded),
+        loop=None if empty.loop is None else replace(empty.loop, reconstructed=()),
+    )
 
 
 class Estimate(NamedTuple):

@@ -58,9 +58,11 @@ class LoadedRecords:
         self.signals = signals if steps is None else steps.signals
         self.steps = steps
         self.problem = signals.problem
-        self.prefilters = Prefilters.none(self.problem)
-        if isinstance(steps, PrefilteredSteps):
-            self.prefilters = steps.whitening.initial()
+        self.prefilters = (
+            steps.whitening.initial()
+            if isinstance(steps, PrefilteredSteps)
+            else Prefilters.none(self.problem)
+        )
         self.records: Sequence[FullRateRecord] = []
 
     @property

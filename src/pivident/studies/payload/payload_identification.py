@@ -124,9 +124,11 @@ class PayloadIdentification(Accounted):
         masses = self.masses
         if masses is None or len(masses.joints) < 2 or masses.disagree:
             return []
-        agree = "agree on the mass"
-        if masses.p_value < IMPROBABLE:
-            agree = f"agree on the mass to within {percent(100 * NOTABLE)}, not to within noise"
+        agree = (
+            f"agree on the mass to within {percent(100 * NOTABLE)}, not to within noise"
+            if masses.p_value < IMPROBABLE
+            else "agree on the mass"
+        )
         return [
             f"The joints {agree} (p = {masses.p_value:.2g}). By their own equations: "
             f"{masses.listed}."

@@ -231,9 +231,9 @@ def _described(given: Experiment, other: Path | None) -> Iterator[NewLog]:
             note = f"{entry.name or entry.dataset or files} was read as {given.path.name} says."
             if other is not None:
                 files, note = other, f"{other.name} was read as {given.path.name} says."
-            part = None
-            if entry.part is not None and other is None:
-                part = (entry.part[0], entry.part[1])
+            part = (
+                (entry.part[0], entry.part[1]) if entry.part is not None and other is None else None
+            )
             yield from _read(files, reading, given.robot, note, part)
 
 

@@ -322,9 +322,11 @@ def _fitted(
     elif fit.held[k]:
         note = "the record does not determine it; the value is that of the start"
     elif fit.bound[k]:
-        note = "the record shows none, and less than zero there is not"
-        if value != 0.0:
-            note = "it lies at its bound, which is as far as it may go"
+        note = (
+            "it lies at its bound, which is as far as it may go"
+            if value != 0.0
+            else "the record shows none, and less than zero there is not"
+        )
     start = float(begin.loop.value(quantity.unknown.direction))
     unknown = quantity.unknown
     return FittedValue(

@@ -17,11 +17,10 @@ import numpy as np
 from pivident.data.recording.checks import MAX_DRIVE_DELAY
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.estimation.output_error.loop_unknowns import Unknown
-from pivident.foundation.errors import ExperimentError
+from pivident.foundation.errors import ExperimentError, require_known
 from pivident.loop.simulation.direction import Direction
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw, coulomb, viscous
-from pivident.robot.naming import nearest
 
 #: What may be sought of each joint; ``delay`` is one for all.
 QUANTITIES = ("armature", "damping", "frictionloss", "bias", "kp", "kd", "delay")
@@ -61,11 +60,9 @@ def simulator_robot(robot: Robot) -> Robot:
 def check_quantities(free: Sequence[str]) -> None:
     """Refuse quantities that there are not, and a list of none."""
     for name in free:
-        if name not in QUANTITIES:
-            raise ExperimentError(
-                f"free names {name!r}, which simulators do not have",
-                advice=nearest(name, QUANTITIES),
-            )
+        require_known(
+            name, QUANTITIES, f"free names {name!r}, which simulators do not have", ExperimentError
+        )
     if not free:
         raise ExperimentError(
             "nothing is to be fitted", advice=f"name some of {', '.join(QUANTITIES)}"

@@ -7,8 +7,7 @@ from importlib import import_module
 from typing import Any
 
 from pivident.foundation.document.document import Accounted
-from pivident.foundation.document.table import Table as Table
-from pivident.foundation.document.table import TableError as TableError
+from pivident.foundation.document.table import Table as Table, TableError as TableError
 from pivident.robot.naming import nearest
 
 _HERE, _MANY = "pivident.studies.tables.", "pivident.studies.many.accounts"

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from pivident.data.recording.public_records import load_emps, load_emps_pulses
 from pivident.data.recording.recording import Recording

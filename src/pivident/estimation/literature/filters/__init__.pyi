@@ -1,3 +1,5 @@
 from .online import KalmanFilter as KalmanFilter
-from .recursive import RecursiveInstruments as RecursiveInstruments
-from .recursive import RecursiveLeastSquares as RecursiveLeastSquares
+from .recursive import (
+    RecursiveInstruments as RecursiveInstruments,
+    RecursiveLeastSquares as RecursiveLeastSquares,
+)

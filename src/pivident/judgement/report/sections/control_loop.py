@@ -89,7 +89,11 @@ class ControlLoopSection(Section):
             ],
             "compensates": any(law.gravity is not None for law in laws),
             "laws": [
-                (law, differentiator_text(*_differentiator(law)), list(_terms(law, unit)))
+                (
+                    law,
+                    differentiator_text(law.averaged, law.derivative_time, law.derivative_time_std),
+                    list(_terms(law, unit)),
+                )
                 for law, unit in zip(laws, units, strict=False)
             ],
             "feedback": [
@@ -140,10 +144,6 @@ class ControlLoopSection(Section):
 
     def _gallery(self, method: int, groups: list[tuple[str, tuple[Figure, ...]]]) -> Gallery:
         return Gallery(self.data.labels[method], method, True, tuple(groups))
-
-
-def _differentiator(law: JointLaw) -> tuple[bool, float, float]:
-    return law.averaged, law.derivative_time, law.derivative_time_std
 
 
 def _terms(law: JointLaw, position: str) -> Iterator[dict[str, Any]]:

@@ -25,9 +25,9 @@ from pivident.foundation.document.table import Column, Table
 from pivident.foundation.errors import (
     FailedFoldWarning,
     IdentificationError,
+    MassMatrixNotPositiveDefinite as IndefiniteMass,
     SimulationDiverged,
 )
-from pivident.foundation.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
 from pivident.foundation.progress import Say, Stages
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.sentences import listed

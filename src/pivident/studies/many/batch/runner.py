@@ -109,6 +109,15 @@ class GivenExecutor:
         yield self.executor
 
 
+def pool_of(workers: int | None, executor: Executor | None) -> Pool:
+    """The caller's executor, or processes of this machine; None: as many as it has threads."""
+    return (
+        Processes(workers)
+        if executor is None
+        else GivenExecutor(executor, workers or thread_count())
+    )
+
+
 class Runner(Generic[Key]):
     """Computation of many tasks.
 

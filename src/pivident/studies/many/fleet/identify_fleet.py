@@ -26,11 +26,10 @@ from pivident.foundation.errors import ExperimentError, PividentError
 from pivident.foundation.extras import require
 from pivident.foundation.progress import Say
 from pivident.foundation.text.display import Displayed
-from pivident.foundation.threads import thread_count
 from pivident.judgement.diagnostics.failed_simulation import explained_identify
 from pivident.studies.many.batch.batch_errors import OtherContents, ResultsFolderError
 from pivident.studies.many.batch.results_folder import ResultsFolder, Row, failure
-from pivident.studies.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner
+from pivident.studies.many.batch.runner import CHANGED, Pool, Runner, pool_of
 from pivident.studies.many.fleet.logs import FleetLog, TimeAxis, find_logs
 from pivident.studies.many.fleet.template import FILE, Template, load_template
 
@@ -302,9 +301,7 @@ def identify_fleet(
         )
     except ExperimentError as error:
         raise error.headed(f"{template.path}:") from error
-    if pool is None:
-        at_a_time = workers or thread_count()
-        pool = Processes(at_a_time) if executor is None else GivenExecutor(executor, at_a_time)
+    pool = pool or pool_of(workers, executor)
     work = identify_log if executor is not None else identify_log_alone
     title = folder.absolute().name or "fleet"
     with store.opened(template):

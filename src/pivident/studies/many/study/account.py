@@ -16,8 +16,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from markupsafe import Markup
 
-from pivident.foundation.document.plot import ERROR, LEGEND, SHADE, Figure, Plot, colour
-from pivident.foundation.document.plot import empty_plot as empty_plot
+from pivident.foundation.document.plot import (
+    ERROR,
+    LEGEND,
+    SHADE,
+    Figure,
+    Plot,
+    colour,
+    empty_plot as empty_plot,
+)
 from pivident.foundation.text.numbers import percent as two_digits
 from pivident.foundation.text.toml import toml_lines
 from pivident.judgement.report.builder import page_environment, page_of

@@ -26,20 +26,25 @@ from pivident.estimation.identification import Identification
 from pivident.foundation.common_work import shared_work
 from pivident.foundation.extras import require
 from pivident.foundation.progress import Say
-from pivident.foundation.threads import thread_count
 from pivident.judgement.diagnostics.failed_simulation import explained_identify
 from pivident.judgement.validation.residuals.autocorrelation import correlated_shares
 from pivident.loop.simulation.excitation import FourierSeries
 from pivident.studies.many.batch.batch_errors import OtherScenario, StudyFolderError
-from pivident.studies.many.batch.results_folder import MANIFEST as MANIFEST
-from pivident.studies.many.batch.results_folder import UNFINISHED as UNFINISHED
-from pivident.studies.many.batch.results_folder import ResultsFolder, failure
-from pivident.studies.many.batch.results_folder import Row as Row
-from pivident.studies.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner
+from pivident.studies.many.batch.results_folder import (
+    MANIFEST as MANIFEST,
+    UNFINISHED as UNFINISHED,
+    ResultsFolder,
+    Row as Row,
+    failure,
+)
+from pivident.studies.many.batch.runner import CHANGED, Pool, Runner, pool_of
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.many.study.scenario import Scenario
-from pivident.studies.many.study.scenario_tables import FILE as TRAJECTORY
-from pivident.studies.many.study.scenario_tables import as_json, optimised_series
+from pivident.studies.many.study.scenario_tables import (
+    FILE as TRAJECTORY,
+    as_json,
+    optimised_series,
+)
 from pivident.studies.many.study.summary import figures_of_merit
 
 if TYPE_CHECKING:
@@ -171,9 +176,7 @@ def run_study(
     total = scenario.content.runs if runs is None else runs
     if runs is not None and runs != scenario.content.runs:
         scenario = scenario.with_runs(total)
-    if pool is None:
-        at_a_time = workers or thread_count()
-        pool = Processes(at_a_time) if executor is None else GivenExecutor(executor, at_a_time)
+    pool = pool or pool_of(workers, executor)
     store = Store(Path(folder))
     with store.opened(scenario, total):
         series = optimised_series(scenario, store.folder, say)

@@ -38,7 +38,7 @@ from typing import Any
 import numpy as np
 
 from pivident.estimation.methods import METHODS
-from pivident.foundation.errors import ExperimentError
+from pivident.foundation.errors import ExperimentError, require_known
 from pivident.foundation.files import regular_file
 from pivident.foundation.text.toml import MAX_FILE, parse_toml
 from pivident.robot.naming import nearest
@@ -109,10 +109,7 @@ def league_methods(names: Sequence[str]) -> list[str]:
     taken_out = set()
     for name in names:
         bare = name.removeprefix("-")
-        if bare not in (ALL, *METHODS):
-            raise ExperimentError(
-                f"there is no method {bare!r}", advice=nearest(bare, (ALL, *METHODS))
-            )
+        require_known(bare, (ALL, *METHODS), f"there is no method {bare!r}", ExperimentError)
         if name.startswith("-"):
             taken_out.add(bare)
         elif name == ALL:
