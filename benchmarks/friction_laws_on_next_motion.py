@@ -36,8 +36,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from default_band import DRAFTED, EXAMPLE, problem_of
-from kuka_kr300_blocks import EXAMPLE as KR300
-from kuka_kr300_blocks import START, STOP, squares
+from kuka_kr300_blocks import EXAMPLE as KR300, START, STOP, squares
 from tests.studies.friction_laws.friction_arms import RATE, FrictionArm, friction_arm, programmes
 
 from pivident.data.recording.public_records import load_kuka_kr300

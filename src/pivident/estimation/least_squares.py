@@ -102,7 +102,8 @@ class LeastSquares(Method):
         """One solution, or several where friction grows with the load."""
         say(f"{self.label}: filtering the records")
         kinematics = [estimate_kinematics(r, self.signals) for r in problem.recordings]
-        return least_squares_on(problem, self, kinematics, say)
+        say(f"{self.label}: solution, residuals and covariance")
+        return answer(problem, self, *settled_least_squares(problem, self, kinematics, say))
 
 
 def is_surer(problem: Problem, other: LeastSquares, than: LeastSquares) -> bool:
@@ -115,7 +116,7 @@ def is_surer(problem: Problem, other: LeastSquares, than: LeastSquares) -> bool:
     fits = []
     for method in (than, other):
         kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-        fits.append(_fitted(problem, method, kinematics, lambda line: None)[0])
+        fits.append(settled_least_squares(problem, method, kinematics, lambda line: None)[0])
     freedom = problem.restrictions.freedom
     known, found = (jackknife(f.sums, f.theta, f.variance, freedom=freedom) for f in fits)
     information = np.zeros_like(known.covariance)
@@ -130,26 +131,6 @@ def is_surer(problem: Problem, other: LeastSquares, than: LeastSquares) -> bool:
 LS, OLS = LeastSquares(), LeastSquares(weighted=False)
 
 
-def least_squares_on(
-    problem: Problem,
-    method: LeastSquares,
-    kinematics: Sequence[Kinematics],
-    say: Say,
-) -> Identification:
-    """The same on given motions and torques."""
-    say(f"{method.label}: solution, residuals and covariance")
-    estimate, run = _fitted(problem, method, kinematics, say)
-    return answer(problem, method, estimate, run)
-
-
-def _fitted(
-    problem: Problem, method: LeastSquares, kinematics: Sequence[Kinematics], say: Say
-) -> tuple[Estimate, Run]:
-    """The estimate on motions by the method's own recipe, once for its choice and its answer."""
-    key = "least squares by", problem, method
-    return once(key, lambda: settled_least_squares(problem, method, kinematics, say))
-
-
 def least_squares_start(
     problem: Problem, method: Method, say: Say
 ) -> tuple[list[Kinematics], Estimate]:
@@ -157,17 +138,21 @@ def least_squares_start(
     say(f"{method.label}: filtering the records")
     kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
     least = LeastSquares(signals=method.signals)
-    key = "least squares", problem, method.signals
-    return kinematics, once(key, lambda: settled_least_squares(problem, least, kinematics, say)[0])
+    return kinematics, settled_least_squares(problem, least, kinematics, say)[0]
 
 
 def settled_least_squares(
-    problem: Problem,
-    method: LeastSquares,
-    kinematics: Sequence[Kinematics],
-    say: Say,
+    problem: Problem, method: LeastSquares, kinematics: Sequence[Kinematics], say: Say
 ) -> tuple[Estimate, Run]:
-    """The estimate with its equations, and how it came about."""
+    """The estimate with its equations, and how it came about, for all who ask for it."""
+    key = "least squares", problem, method, *kinematics
+    return once(key, lambda: _settled(problem, method, kinematics, say))
+
+
+def _settled(
+    problem: Problem, method: LeastSquares, kinematics: Sequence[Kinematics], say: Say
+) -> tuple[Estimate, Run]:
+    """One solution, or several until the load of friction is that of the estimate."""
     limits = [problem.speed_limits(r) for r in problem.recordings]
     theta = estimate_without_load(problem, kinematics, limits)
     run, settled = Run(), False
@@ -189,10 +174,7 @@ def settled_least_squares(
 
 
 def _records(
-    problem: Problem,
-    method: LeastSquares,
-    kinematics: list[Kinematics],
-    limits: list[SpeedLimits],
+    problem: Problem, method: LeastSquares, kinematics: list[Kinematics], limits: list[SpeedLimits]
 ) -> Sequence[EquationRecord]:
     """Equations of all recordings, decimated or at full rate."""
     if not isinstance(method.signals, Decimated):

@@ -51,11 +51,6 @@ class Freedom:
         """Nothing is known."""
         return cls(np.zeros(size), np.eye(size), np.zeros((size, size)), np.arange(size))
 
-    @property
-    def is_whole(self) -> bool:
-        """Whether all parameters are free, each for itself."""
-        return not self.offset.any() and np.array_equal(self.basis, np.eye(len(self.offset)))
-
     def reduced(self, gram: np.ndarray) -> np.ndarray:
         """Nᵀ G N, of matrices one after the other too, shape (…, free, free)."""
         return self.basis.T @ gram @ self.basis

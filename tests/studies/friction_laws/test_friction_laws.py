@@ -9,9 +9,10 @@ from pivident.data.recording.recording import Recording
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.estimation.answer import answer
 from pivident.estimation.identify import build_regression, identify
 from pivident.estimation.iteration import MAX_PASSES
-from pivident.estimation.least_squares import LeastSquares, least_squares_on
+from pivident.estimation.least_squares import LeastSquares, settled_least_squares
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass, RandomWalk
 from pivident.judgement.validation.moment_sums import moment_sums
@@ -84,7 +85,7 @@ def silent(line: str) -> None:
 @pytest.mark.parametrize("name", LAWS)
 def test_least_squares_returns_the_parameters_of_every_law(name, method):
     problem, kinematics, theta = exact(name)
-    found = least_squares_on(problem, method, [kinematics], silent)
+    found = answer(problem, method, *settled_least_squares(problem, method, [kinematics], silent))
     assert found.converged
     np.testing.assert_allclose(found.theta, theta, rtol=1e-8, atol=1e-8)
     model = found.predict(kinematics.q.T, kinematics.dq.T, kinematics.ddq.T)
@@ -96,7 +97,7 @@ def test_the_load_settles_in_a_few_passes_where_there_is_noise():
     problem, kinematics, theta = exact("load")
     noise = 0.5 * np.random.default_rng(1).standard_normal(kinematics.tau.shape)
     noisy = replace(kinematics, tau=kinematics.tau + noise)
-    found = least_squares_on(problem, FULL, [noisy], silent)
+    found = answer(problem, FULL, *settled_least_squares(problem, FULL, [noisy], silent))
     assert found.converged and found.iterations < MAX_PASSES / 3
     assert (np.abs(found.theta - theta) < 5.0 * found.formula_std).all()
 

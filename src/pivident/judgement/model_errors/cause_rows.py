@@ -323,9 +323,9 @@ class CauseRows:
 
 def _is_alive(columns: np.ndarray) -> np.ndarray:
     """Which signals are not zero throughout, shape (…); signals have time last."""
-    alive = columns[..., ::PROBED].any(axis=-1)
+    alive = np.asarray(columns[..., ::PROBED].any(axis=-1))
     alive[~alive] = columns[~alive].any(axis=-1)
-    return np.asarray(alive)
+    return alive
 
 
 def without_neighbours(used: np.ndarray, reach: int) -> np.ndarray:

@@ -121,7 +121,7 @@ class MomentSums:
 
     def along(self, freedom: Freedom) -> MomentSums:
         """The same of Φ N, Z N, X N and τ - Φ θ₀: as far as the parameters are free."""
-        if freedom.is_whole:
+        if np.array_equal(freedom.basis, np.eye(self.size)) and not freedom.offset.any():
             return self
         left = np.kron(np.eye(2 + bool(self.extra)), freedom.basis.T)
         every = np.zeros((len(left) + 1, len(self.gram)))
