@@ -19,6 +19,7 @@ import shutil
 import tempfile
 from functools import cache
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 
@@ -280,11 +281,7 @@ def run_command(path: Path) -> object:
     )
     if not words or words[0] not in COMMANDS or unsafe or "\0" in first:
         return None
-    os.environ["PIVIDENT_DEBUG"] = "1"
-    here = Path.cwd()
-    os.chdir(folder)
-    try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+    quiet = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
+    with quiet[0], quiet[1], contextlib.chdir(folder):
+        with mock.patch.dict(os.environ, {"PIVIDENT_DEBUG": "1"}):  # errors come through
             return main(words)
-    finally:
-        os.chdir(here)

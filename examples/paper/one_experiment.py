@@ -23,7 +23,7 @@ def main(reading: str = "motor") -> Reading:
     Returns:
         Records and results by form.
     """
-    found = run_reading(reading, didim=False, identified=False, say=print)
+    found = run_reading(reading, simulated=False, identified=False, say=print)
     forms = list(found.results)
     print("\n" + " ".join(f"{head:>12s}" for head in ("", "published", *(f[5:17] for f in forms))))
     for row in published_table():

@@ -133,6 +133,6 @@ def test_every_equation_of_the_paper_leads_to_its_code(built):
 def test_the_page_of_the_paper_has_its_figures_and_no_gaps(built):
     text = (DOCS / "paper" / "index.md").read_text("utf-8")
     drawn = re.findall(r"!\[[^\]]+\]\(figures/(\w+\.png)\)", text)
-    assert len(drawn) == 7 and all((DOCS / "paper" / "figures" / f).is_file() for f in drawn)
+    assert len(drawn) == 8 and all((DOCS / "paper" / "figures" / f).is_file() for f in drawn)
     assert not re.search(r"\b(?:nan|None|inf)\b", text)
     assert "100 records of 20 motions" in text and "## A real arm" in text
