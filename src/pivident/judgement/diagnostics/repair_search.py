@@ -197,6 +197,7 @@ def _repairs(rows: ReadingRows) -> Iterator[tuple[Repair, Callable[[ReadingRows]
 
 
 def _after(rows: ReadingRows, repair: Repair) -> Sums:
+    """Sums of the rows with a repair."""
     return rows.after(repair).sums
 
 
