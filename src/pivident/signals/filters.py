@@ -12,6 +12,7 @@ side by side here.
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import count
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
@@ -146,15 +147,8 @@ def steady_state(b: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 def fast_length(least: int) -> int:
     """Smallest length from some on without prime factors but 2, 3 and 5: its transform is fast."""
-    length = max(least, 1)
-    while True:
-        left = length
-        for prime in (2, 3, 5):
-            while left % prime == 0:
-                left //= prime
-        if left == 1:
-            return length
-        length += 1
+    # such numbers below 2⁶⁰, and no others, divide the sixtieth power of 2 · 3 · 5
+    return next(n for n in count(max(least, 1)) if 30**60 % n == 0)
 
 
 def convolution(x: np.ndarray, y: np.ndarray) -> np.ndarray:

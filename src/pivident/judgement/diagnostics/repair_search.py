@@ -125,8 +125,7 @@ def _ratios(rows: ReadingRows, unverified: Collection[str]) -> Repair | None:
 def _best(rows: ReadingRows) -> Candidate | None:
     """The repair that lowers the error most, and those that do as well."""
     given = rows.scores()
-    reach = float(given.mean()) + np.log1p(-LEAST_GAIN)
-    tried = list(_tried(rows, reach))
+    tried = list(_tried(rows, float(given.mean()) + np.log1p(-LEAST_GAIN)))
     members = Counter(_kind(repair) for repair, _ in tried)
     kept = [
         (repair, other - given)
@@ -213,8 +212,7 @@ def _gain(rows: ReadingRows, whole: ReadingRows, joint: int) -> float | None:
 
     ``whole``: the rows as one stretch.
     """
-    sums = partial(ReadingRows.with_gain, joint=joint)
-    return _best_factor(rows, whole, sums, GAINS, GAIN_RANGE)
+    return _best_factor(rows, whole, partial(ReadingRows.with_gain, joint=joint), GAINS, GAIN_RANGE)
 
 
 def _clock(rows: ReadingRows, whole: ReadingRows) -> float | None:

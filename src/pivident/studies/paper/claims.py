@@ -260,7 +260,17 @@ def _more_precise(reading: Reading, forms: Mapping[str, Runs]) -> Judged:
         fewer = int(np.sum(ratios < 1.0))
         good.append(2 * fewer > ratios.size and mean < 1.0)
         parts.append(f"{name}: {fewer} of {ratios.size} fall, geometric mean {mean:.2g}")
-    return Judged(good[0], "; ".join(parts)) if good else _unknown()
+    text = "; ".join([*_without_estimate(forms), *parts])
+    return Judged(good[0] and not _without_estimate(forms), text) if good else _unknown()
+
+
+def _without_estimate(forms: Mapping[str, Runs]) -> list[str]:
+    """That the printed form, of which a claim speaks, gives hardly an estimate; else nothing."""
+    return [
+        f"{PRINTED} gives no estimate on {forms[name].failed} of {forms[name].count}"
+        for name in {PRINTED} & set(forms)
+        if not _has(forms, name)
+    ]
 
 
 def _white(reading: Reading, forms: Mapping[str, Runs]) -> Judged:
@@ -284,9 +294,9 @@ def _reliable(reading: Reading, forms: Mapping[str, Runs]) -> Judged:
     if IV not in present or len(present) < 2:
         return _unknown()
     off = {name: abs(forms[name].coverage - NOMINAL_COVERAGE) for name in present}
-    text = ", ".join(_coverage(name, forms[name]) for name in present)
+    text = ", ".join([*(_coverage(n, forms[n]) for n in present), *_without_estimate(forms)])
     return Judged(
-        off[present[1]] < off[IV],
+        off[present[1]] < off[IV] and not _without_estimate(forms),
         f"the truth lies within ±2σ: {text}; {percent(NOMINAL_COVERAGE)} is right",
     )
 
