@@ -364,12 +364,12 @@ class Problem(Printed):
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the estimated parameters."""
-        return tuple(map(self.base.names.__getitem__, self.selection))
+        return tuple(self.base.names[k] for k in self.selection)
 
     @cached_property
     def expressions(self) -> tuple[str, ...]:
         """Their groups written out."""
-        return tuple(map(self.base.expressions.__getitem__, self.selection))
+        return tuple(self.base.expressions[k] for k in self.selection)
 
     @cached_property
     def silent_joints(self) -> tuple[str, ...]:

@@ -169,9 +169,7 @@ def kept_samples(y: np.ndarray, points: int) -> np.ndarray:
     unknown = np.isnan(y)
     low, high = (np.where(unknown, sign * np.inf, y)[at] for sign in (1.0, -1.0))
     kept = np.zeros(y.size, bool)
-    for place in (low.argmin(axis=1), high.argmax(axis=1)):
-        kept[start[:, 0] + place] = True
-    kept[[0, -1]] = True
+    kept[np.r_[0, -1, start[:, 0] + low.argmin(axis=1), start[:, 0] + high.argmax(axis=1)]] = True
     return np.flatnonzero(kept)
 
 

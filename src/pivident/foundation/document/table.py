@@ -97,8 +97,8 @@ class Column:
     def written(self) -> list[Any]:
         """The values in a file: what is not known is empty, no text is a formula of a sheet."""
         form, values = self.file_format, _plain(self.values)
-        numbers = self.values if isinstance(self.values, np.ndarray) else np.zeros(0, int)
-        if form and values and numbers.dtype.kind == "f" and np.isfinite(numbers).all():
+        are_floats = isinstance(self.values, np.ndarray) and self.values.dtype.kind == "f"
+        if form and values and are_floats and np.isfinite(self.values).all():
             return ("\n".join([form] * len(values)) % tuple(values)).split("\n")  # all in one go
         return [
             ""

@@ -41,6 +41,7 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Decimated
 from pivident.estimation.solved_equations import Equations
 from pivident.foundation.errors import ExperimentError
+from pivident.judgement.model_errors.cause_rows import ROWS_PER_PERIOD
 from pivident.loop.motion.motion import Motion, packed_stretch
 from pivident.robot.description import Robot
 from pivident.signals.bandpass import butterworth
@@ -134,8 +135,6 @@ def row_samples(record: EquationRecord) -> np.ndarray:
     return np.rint(record.sample_numbers).astype(int)
 
 
-#: Rows that are kept for each period of the highest frequency.
-ROWS_PER_PERIOD = 4.0
 #: Samples whose columns are computed at once.
 BLOCK = 8192
 

@@ -260,17 +260,15 @@ def _more_precise(reading: Reading, forms: Mapping[str, Runs]) -> Judged:
         fewer = int(np.sum(ratios < 1.0))
         good.append(2 * fewer > ratios.size and mean < 1.0)
         parts.append(f"{name}: {fewer} of {ratios.size} fall, geometric mean {mean:.2g}")
-    text = "; ".join([*_without_estimate(forms), *parts])
-    return Judged(good[0] and not _without_estimate(forms), text) if good else _unknown()
+    missing = _without_estimate(forms)
+    return Judged(good[0] and not missing, "; ".join(missing + parts)) if good else _unknown()
 
 
 def _without_estimate(forms: Mapping[str, Runs]) -> list[str]:
     """That the printed form, of which a claim speaks, gives hardly an estimate; else nothing."""
-    return [
-        f"{PRINTED} gives no estimate on {forms[name].failed} of {forms[name].count}"
-        for name in {PRINTED} & set(forms)
-        if not _has(forms, name)
-    ]
+    if PRINTED not in forms or _has(forms, PRINTED):
+        return []
+    return [f"{PRINTED} gives no estimate on {forms[PRINTED].failed} of {forms[PRINTED].count}"]
 
 
 def _white(reading: Reading, forms: Mapping[str, Runs]) -> Judged:

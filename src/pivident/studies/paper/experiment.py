@@ -109,7 +109,7 @@ def condition_numbers(bench: Bench) -> list[float]:
 
 
 def condition(reading: str, way: str = "known") -> Scenario:
-    """The condition of the scenario ``paper``: with the law known or identified, or simulated."""
+    """A condition of the scenario ``paper``: law known, simulated by the method, or identified."""
     (found,) = _loaded("paper").chosen_conditions([f"{reading}-{way}"])
     return found
 
