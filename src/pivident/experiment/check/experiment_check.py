@@ -36,10 +36,11 @@ from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.finding import Finding, FindingKind, Severity, Topic, merged, worst
 from pivident.foundation.text.plain_values import plain
 from pivident.foundation.text.repair import Edit, Place, Repair
-from pivident.foundation.text.sentences import plural
+from pivident.foundation.text.sentences import listed, plural
 from pivident.foundation.text.toml import behind_dots, keys_in, tables, toml_document
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.judgement.audit.audit import Audit
+from pivident.judgement.audit.standstill import STANDSTILL
 from pivident.judgement.audit.timing import MISSING_SAMPLES
 from pivident.robot.description import Robot
 
@@ -152,7 +153,7 @@ class _Check:
             self.looked_at.append("recordings against one another")
         self.say("looking at controller, methods and parameters")
         rest = ProblemCheck(self.experiment, robot, self.recordings)
-        self.remarks += rest.remarks
+        self.remarks = [*_refused_standstill(self.remarks, rest.motionless), *rest.remarks]
         self.plan = rest.plan
         if robot is not None:
             self.looked_at.append("methods, parameters, control law, folder of the results")
@@ -204,6 +205,23 @@ class _Check:
         self.remarks = [r for r in self.remarks if r.topic != "excitation"]
         said = models[0].excitation.findings
         self.remarks += [of_finding(f) for f in said if f.severity != "ok"]
+
+
+TOO_SLOW = FindingKind(STANDSTILL.topic, "too slow", STANDSTILL.place, stops=True)
+
+
+def _refused_standstill(remarks: Sequence[Remark], motionless: Sequence[str]) -> list[Remark]:
+    """The remarks, with what an identification says of joints that it has no row of."""
+    if not motionless:
+        return list(remarks)
+    if any(remark.declared is STANDSTILL for remark in remarks):
+        return [replace(r, refused=r.refused or r.declared is STANDSTILL) for r in remarks]
+    move = "moves" if len(motionless) == 1 else "move"
+    text = f"Too slow: {listed(motionless)} never {move} faster than the low-speed mask, which "
+    text += "leaves no row to fit."
+    step = "Log faster motion, or freeze it (URDF) and leave its columns out; a "
+    step += "smaller mask under [identify] keeps slow rows, where friction obeys no law."
+    return [*remarks, of_finding(TOO_SLOW.finding("error", text, motionless[0], step))]
 
 
 #: What this check looks at.

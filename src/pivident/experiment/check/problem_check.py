@@ -56,6 +56,7 @@ class ProblemCheck:
     ) -> None:
         self.remarks: list[Remark] = []
         self.plan: Plan | None = None  # None where an identification cannot begin
+        self.motionless: tuple[str, ...] = ()  # joints of which an identification has no row
         self._experiment, self._content = experiment, experiment.content
         methods = self._methods()
         self._output()
@@ -90,6 +91,7 @@ class ProblemCheck:
             self.remarks.append(of_error(error, "file", ("consistency",)))
         problem = self._problem(robot, fitted)
         if problem is not None and methods:
+            self.motionless = motionless_joints(problem)
             self._say(_without_rotors(problem, methods))
             law, folds = self._content.controller, self._content.validation.folds
             kind, source = ("", "") if law is None else (law.type, law.source)
@@ -185,6 +187,23 @@ class ProblemCheck:
             check_output(folder)
         except PividentError as error:
             self.remarks.append(of_error(error, "file", ("output", "folder")))
+
+
+def motionless_joints(problem: Problem) -> tuple[str, ...]:
+    """Joints that no recording moves faster than the low-speed mask, by name.
+
+    The speed is that over a tenth of a second, which noise of single samples does not reach.
+    """
+    robot, moves = problem.robot, np.zeros(problem.robot.size, bool)
+    for recording in problem.recordings:
+        q, rate = recording.q, recording.rate
+        step = min(max(1, round(0.1 * rate)), recording.samples - 1)
+        limits = problem.speed_limits(recording)
+        speeds = (q[step:] - q[:-step]).T * (rate / step)
+        moves |= limits.moving(speeds).any(axis=1)
+        moves |= ~np.isfinite(recording.tau).any(axis=0)  # nothing is asked of it
+    moves[: robot.base_joints] = True
+    return tuple(robot.joint_names[j] for j in np.flatnonzero(~moves))
 
 
 def _without_torque(problem: Problem, methods: dict[str, Method]) -> Iterator[Finding]:

@@ -19,6 +19,7 @@ import numpy as np
 from pivident.data.logs.log import Log
 from pivident.data.logs.timestamps import JITTER_TOLERANCE
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Topic, at_sample
+from pivident.judgement.audit.standstill import still_joints
 
 #: What the checks of a clock look at.
 CLOCK = Topic("timing", "Clock")
@@ -206,6 +207,10 @@ def check_steps(log: Log, rate: float, stamped: bool) -> list[Finding]:
         stamped: whether it has a regular clock.
     """
     q, clock = log.channels["q"], log.clock
+    still = still_joints(q)
+    if len(still) == q.shape[1]:  # where nothing moves, no sample is early or late
+        return []
+    q = np.delete(q, still, axis=1)
     even = even_steps(q) if len(q) >= FEWEST else None
     findings = _places(log, unsteady_steps(q, clock, even), stamped)
     tremble = hidden_jitter(q, even) if stamped or clock is None else 0.0
