@@ -175,6 +175,8 @@ class Problem(Printed):
         without_equation: names of joints whose motion counts, but whose torque does not.
         constraints: linear equations, each as coefficients by parameter name and their value:
             ``({"zz1r": 1.0, "ia1": -2.0}, 0.0)``.
+        reference_temperature: that friction belongs to where it is corrected for the temperature of
+            the recordings [°C or K, as theirs]; None: their mean.
         without_loop: why there is no loop, a sentence, where one was looked for.
         findings: what was decided about the model beforehand; every result repeats it.
 
@@ -205,6 +207,7 @@ class Problem(Printed):
         default=None, kw_only=True
     )
     without_equation: tuple[str, ...] = field(default=(), kw_only=True)
+    reference_temperature: float | None = field(default=None, kw_only=True)
     without_loop: str = ""
     findings: tuple[Finding, ...] = ()
 

@@ -20,12 +20,7 @@ from pivident.estimation.drives.motor_temperature import (
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import errors_name
 from pivident.experiment.file_keys import ExperimentFile, GainsEntry, RecordingEntry
-from pivident.experiment.missing_torque import (
-    SENSORS,
-    TEMPERATURE,
-    with_input,
-    without_temperature,
-)
+from pivident.experiment.missing_torque import SENSORS, with_input, without_sensors
 from pivident.foundation.errors import ExperimentError
 from pivident.loop.simulation.controllers import UNKNOWN_GAIN
 from pivident.robot.description import Robot
@@ -96,12 +91,12 @@ def gains_of(
     with errors_name(experiment.path, "[gains]"):
         count = sum(map(len, runs[: len(experiment.content.recording)]))
         recordings = problem.recordings
-        bare = tuple(without_temperature(r) for r in recordings)
+        bare = tuple(without_sensors(r) for r in recordings)
         problem = replace(problem, recordings=bare)
         if given.temperature is not None:
-            warmth = (
-                [r.inputs[TEMPERATURE] for r in recordings] if given.temperature != "time" else None
-            )
+            warmth = None
+            if given.temperature != "time":
+                warmth = [np.asarray(r.temperature) for r in recordings]
             # at constant load: what the payload changes must not pass for warmth
             temperatures = identify_motor_temperature(
                 replace(problem, recordings=bare[:count]),
@@ -211,7 +206,7 @@ def with_unit_gains(experiment: Experiment) -> Experiment:
     transmission, names = robot.transmission, robot.joint_names
     every = dict(zip(names, map(float, transmission.drive_gain), strict=True))
     recordings = [
-        _with_columns(entry, content.gains, len(names))
+        _with_columns(entry, content.gains)
         for entry in (*content.recording, *content.gains.recording)
     ]
     changed: ExperimentFile = content.model_copy(
@@ -223,11 +218,10 @@ def with_unit_gains(experiment: Experiment) -> Experiment:
     return Experiment(experiment.path, changed)
 
 
-def _with_columns(entry: RecordingEntry, given: GainsEntry, joints: int) -> RecordingEntry:
+def _with_columns(entry: RecordingEntry, given: GainsEntry) -> RecordingEntry:
     """The table with the columns of temperatures and of sensors, where the log has them."""
-    if given.temperature is not None and given.temperature != "time":
-        entry = with_input(entry, given.temperature, joints)
-    return entry if given.sensors is None else with_input(entry, given.sensors, joints, SENSORS)
+    warm = None if given.temperature == "time" else given.temperature
+    return with_input(with_input(entry, warm), given.sensors, SENSORS)
 
 
 def _corrected(

@@ -183,6 +183,20 @@ class IdentifyKeys(Entry):
         kind="list of kinds",
         shown="–",
     )
+    temperature: str | list[str] | None = key(
+        None,
+        "temperatures of motors or gears in the logs, one column or one for each joint: viscous "
+        "and Coulomb friction that change with them are brought to one temperature, where unseen "
+        "motion confirms the change; see [friction that warms up](how_to/drift.md#within-a-record)",
+        unit="°C or K",
+        kind="columns",
+    )
+    reference_temperature: float | None = key(
+        None,
+        "temperature that friction belongs to",
+        unit="as `temperature`",
+        shown="the mean of the record",
+    )
     mask: Mask = key(
         "auto",
         "samples of slower joints are excluded; `auto`: 0.01, but `piv` uses standstill "

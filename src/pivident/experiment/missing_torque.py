@@ -2,7 +2,7 @@
 
 tau = drive_gain · C(q_ref - q): the law C with its gains under ``[controller]``, and q_ref
 
-Temperatures that a log carries beside its channels: read as an input, then kept apart.
+Temperatures and torques behind the gears that a log carries beside its channels: read as inputs.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from pivident.data.recording.checks import TEMPERATURE
 from pivident.data.recording.recording import Recording
 from pivident.experiment.file_keys import (
     ColumnsEntry,
@@ -103,28 +104,24 @@ def _check_ratios(content: ExperimentFile) -> None:
     ).within("controller", "drive_gain")
 
 
-#: Input that carries the temperatures of the motors while a log is read.
-TEMPERATURE = "motor temperature"
-#: And one that carries the torques of sensors behind the gears.
+#: Input that carries the torques of sensors behind the gears while a log is read.
 SENSORS = "torque behind the gear"
 
 
 def with_input(
-    entry: RecordingEntry, columns: str | list[str], joints: int, name: str = TEMPERATURE
+    entry: RecordingEntry, columns: str | list[str] | None, name: str = TEMPERATURE
 ) -> RecordingEntry:
     """The table of a recording with the columns of the temperatures, say, as one more input."""
-    if entry.columns is None:
+    if entry.columns is None or columns is None:
         return entry
-    listed = [columns] * joints if isinstance(columns, str) else columns
-    inputs = {**entry.columns.inputs, name: listed}
+    inputs = {**entry.columns.inputs, name: columns}
     more = ColumnsEntry.model_validate(
         entry.columns.model_dump(exclude_unset=True) | {"inputs": inputs}
     )
     return entry.model_copy(update={"columns": more})
 
 
-def without_temperature(recording: Recording) -> Recording:
+def without_sensors(recording: Recording) -> Recording:
     """The recording with those inputs only that the controller knew."""
-    own = TEMPERATURE, SENSORS
-    kept = {name: values for name, values in recording.inputs.items() if name not in own}
+    kept = {name: values for name, values in recording.inputs.items() if name != SENSORS}
     return replace(recording, inputs=kept)

@@ -12,6 +12,7 @@ import numpy as np
 from pivident.data.logs.bags.read_bag import is_bag
 from pivident.data.logs.log import Log
 from pivident.data.logs.tables.tables import named_columns
+from pivident.data.recording.checks import TEMPERATURE
 from pivident.data.recording.load import OF_LOGGER, load_recording
 from pivident.data.recording.public_records import RUNS, load_public, public_facts
 from pivident.data.recording.recording import Recording
@@ -99,7 +100,7 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
         part = None if entry.part is None else (entry.part[0], entry.part[1])
         recording = load_recording(
             _files(entry, folder),
-            **_description(entry, folder),
+            **_description(entry, robot, folder),
             robot=robot,
             part=part,
             **set_here,
@@ -216,7 +217,7 @@ def reading_of(
     """
     set_here = _adjusted(entry, ("name", *OF_LOGGER))
     if entry.dataset is None:
-        return _files(entry, folder), _description(entry, folder, other) | set_here
+        return _files(entry, folder), _description(entry, robot, folder, other) | set_here
     files, facts = public_facts(entry.dataset, _public_run(entry.dataset, entry.run), robot)
     return files, dict(facts) | set_here
 
@@ -367,10 +368,16 @@ def columns_in_file(
     return made
 
 
-def _description(entry: RecordingEntry, folder: Path, other: Path | None = None) -> dict[str, Any]:
-    """What the file says about the columns of a log."""
+def _description(
+    entry: RecordingEntry, robot: Robot | None, folder: Path, other: Path | None = None
+) -> dict[str, Any]:
+    """What the file says about the columns of a log; one temperature is that of all joints."""
+    columns = columns_in_file(entry, folder, other)
+    inputs = columns.get("inputs", {})
+    if robot is not None and isinstance(inputs.get(TEMPERATURE), str):
+        inputs[TEMPERATURE] = [inputs[TEMPERATURE]] * robot.on_fixed_base.size
     return {
-        "columns": columns_in_file(entry, folder, other),
+        "columns": columns,
         "units": entry.units.model_dump(exclude_unset=True),
         "side": entry.side,
         "rate": entry.rate,

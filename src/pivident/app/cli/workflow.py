@@ -159,9 +159,10 @@ def run_experiment(
             if essential is not None:
                 problem = narrowed(problem, essential.identification)
         freed = None
-        if kinds := kinds_of(free or experiment.content.identify.free or ()):
+        kinds = kinds_of(free or experiment.content.identify.free or ())
+        if kinds or experiment.content.identify.temperature is not None:
             freed = corrections(problem, last, kinds, progress.say)
-            problem = freed.problem
+            problem, unseen = freed.problem, freed.on(unseen)
         say_compiling(progress, methods, problem.loop is not None)
         progress.stages(_stages(problem, methods, folds, len(consistent)))
         outcome = identify_all(problem, methods, progress, attempts)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from pivident.data.recording.checks import CHANNELS
+from pivident.data.recording.checks import BESIDE, CHANNELS
 from pivident.data.recording.recording import Recording
 from pivident.foundation.errors import ExperimentError, require_kind
 from pivident.foundation.text.sentences import listed
@@ -68,7 +68,7 @@ def reordered(recording: Recording, order: Sequence[int]) -> Recording:
         order: for each new column the index of the one that it comes from.
     """
     columns = list(order)
-    single = {name: getattr(recording, name) for name in (*CHANNELS, "wrench_torque", "valid")}
+    single = {name: getattr(recording, name) for name in (*CHANNELS, *BESIDE)}
     moved: dict[str, Any] = {
         name: values[:, columns] for name, values in single.items() if values is not None
     }

@@ -22,7 +22,7 @@ from pivident.data.logs.source_files import SupportsColumns
 from pivident.data.logs.torque_scale import torque_scales
 from pivident.data.logs.units import UnitSpec, check_kind
 from pivident.data.recording import checks
-from pivident.data.recording.checks import RecordingOptions
+from pivident.data.recording.checks import BESIDE, TEMPERATURE, RecordingOptions
 from pivident.data.recording.clock import Clock, beside_torque, on_one_clock
 from pivident.data.recording.measured_wrenches import with_wrenches
 from pivident.data.recording.recording import CHANNELS, Recording
@@ -262,6 +262,7 @@ def _recording(
     content["inputs"] = {
         key.removeprefix("inputs."): logged[key] for key in logged if key.startswith("inputs.")
     }
+    content["temperature"] = content["inputs"].pop(TEMPERATURE, None)
     content["torque_scale"] = torque_scales(said.units.get("tau"), joint_names)
     left_out = left_out_sentences(log.bad, joint_names, len(stamps["q"]))
     content |= {"start_time": found.start, "notes": (*log.dropped, *left_out, *found.notes)}
@@ -305,7 +306,7 @@ def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str,
             f"robot is {robot!r}", advice=f"give a Robot, such as load_robot({robot!r})"
         )
     made_here = {*CHANNELS, "inputs", "sources", "slowed", "reading", "torque_source"}
-    made_here |= {"wrenches", "wrench_torque", "valid"}
+    made_here |= {"wrenches", *BESIDE}
     known = {field.name for field in fields(Recording)} - made_here
     for name in options:
         if name not in known:

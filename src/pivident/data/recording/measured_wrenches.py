@@ -139,7 +139,7 @@ def _with_base(
     before = {"q": base, "tau": still, "q_ref": base}
     channels: dict[str, Any] = {
         channel: np.hstack([before.get(channel, still), own])
-        for channel in CHANNELS
+        for channel in (*CHANNELS, "temperature")
         if (own := getattr(recording, channel)) is not None
     }
     notes = recording.notes

@@ -19,6 +19,7 @@ from pivident.data.logs.source_files import SourceFile
 from pivident.data.logs.torque_scale import TorqueScale
 from pivident.data.recording import checks
 from pivident.data.recording.checks import (
+    BESIDE,
     CHANNELS,
     SOURCE_SENTENCES,
     TIMING_WORDS,
@@ -101,6 +102,8 @@ class Recording(Printed):
             one.
         valid: True for samples that may stand in a joint's equation, shape (samples, joints); None:
             all of them. The others were no measurement and have been filled.
+        temperature: of the motor or gear of each joint, shape (samples, joints) [°C or K], or None.
+            With it `pivident.judgement.corrections` brings friction to one temperature.
 
     Raises:
         ShapeMismatch: a channel is not (samples, joints).
@@ -149,22 +152,19 @@ class Recording(Printed):
     wrench_torque: np.ndarray | None = field(default=None, kw_only=True)
     valid: np.ndarray | None = field(default=None, kw_only=True)
     weights: np.ndarray | None = field(default=None, kw_only=True)
+    temperature: np.ndarray | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
         settle(self, "joint_names", tuple(self.joint_names))
         settle(self, "sources", tuple(self.sources))
         settle(self, "control_rate", self.control_rate or self.rate)
-        for channel in CHANNELS:
+        for channel in (*CHANNELS, "wrench_torque", "weights", "temperature"):
             if getattr(self, channel) is not None:
                 settle(self, channel, settled(channel, getattr(self, channel)))
-        if self.wrench_torque is not None:
-            settle(self, "wrench_torque", settled("wrench_torque", self.wrench_torque))
         settle(self, "inputs", {key: settled(key, value) for key, value in self.inputs.items()})
         if self.valid is not None:
             settle(self, "valid", np.asarray(self.valid, bool))
-        if self.weights is not None:
-            settle(self, "weights", settled("weights", self.weights))
         self._check()
 
     def _check(self) -> None:
@@ -180,10 +180,9 @@ class Recording(Printed):
             raise RecordingError(
                 f"recording {self.name!r}: joint names {self.joint_names} are missing or repeated"
             )
-        channels = {"tau": self.tau} | self.channels()
-        if self.wrench_torque is not None:
-            channels["wrench_torque"] = self.wrench_torque
-        masks = {k: x for k in ("valid", "weights") if (x := getattr(self, k)) is not None}
+        beside = {k: x for k in BESIDE if (x := getattr(self, k)) is not None}
+        masks = {k: beside.pop(k) for k in ("valid", "weights") if k in beside}
+        channels = {"tau": self.tau} | self.channels() | beside
         for channel, values in (channels | masks).items():
             checks.check_shape(channel, values, (*self.q.shape[:1], self.joints))
         timestamps.check_length(self.samples)
@@ -275,16 +274,13 @@ class Recording(Printed):
         """
         cut: dict[str, Any] = {
             channel: None if (values := getattr(self, channel)) is None else values[:, joints:]
-            for channel in CHANNELS
+            for channel in (*CHANNELS, *BESIDE)
         }
         return replace(
             self,
             **cut,
             joint_names=self.joint_names[joints:],
             inputs={key: values[:, joints:] for key, values in self.inputs.items()},
-            wrench_torque=None if self.wrench_torque is None else self.wrench_torque[:, joints:],
-            valid=None if self.valid is None else self.valid[:, joints:],
-            weights=None if self.weights is None else self.weights[:, joints:],
         )
 
     def with_reference_of(self, driven: Recording) -> Recording:
@@ -386,16 +382,13 @@ class Recording(Printed):
             )
         cut: dict[str, Any] = {
             channel: None if (values := getattr(self, channel)) is None else values[start:stop]
-            for channel in CHANNELS
+            for channel in (*CHANNELS, *BESIDE)
         }
         return replace(
             self,
             **cut,
             inputs={key: values[start:stop] for key, values in self.inputs.items()},
             wrenches=tuple(replace(w, values=w.values[start:stop]) for w in self.wrenches),
-            wrench_torque=None if self.wrench_torque is None else self.wrench_torque[start:stop],
-            valid=None if self.valid is None else self.valid[start:stop],
-            weights=None if self.weights is None else self.weights[start:stop],
             start_time=self.start_time + start / self.rate,
             allow_constant=True,
             saturation="allow",

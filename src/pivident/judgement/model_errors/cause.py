@@ -232,6 +232,7 @@ class Cause(Displayed):
         least_torque: share of a joint's torque from which on it is named.
         by_effect: whether one below is named, too, if it moves the estimate out of its intervals.
         phrase: the cause in words with ``{size}`` in its place; empty: subject, what and size.
+        parts: name and unit of each column, where they have their own.
         instant: when it began, since the first record did [s]; None: it has no instant.
     """
 
@@ -252,6 +253,7 @@ class Cause(Displayed):
     least_torque: float = 0.0
     by_effect: bool = False
     phrase: str = ""
+    parts: tuple[tuple[str, str], ...] = ()
     instant: float | None = None
 
     def allows(self, size: np.ndarray) -> bool:

@@ -9,6 +9,8 @@ until δ is a tenth of its standard error. What is not known of s is not known o
 G = -∂θ/∂s, and P the covariance that the method gives for the corrected problem,
 
     cov θ = P + G cov(s) Gᵀ
+
+Friction that changes with a temperature is corrected wherever recordings have one.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.method import Method
@@ -32,12 +35,13 @@ from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.judgement.model_errors.cause import Cause
 from pivident.judgement.model_errors.named_causes import alternatives, is_found, score_tests
 from pivident.judgement.model_errors.score_tests import ScoreTests
+from pivident.judgement.model_errors.time_errors import WARMTH
 from pivident.robot.naming import nearest
 
 #: Kinds of causes that a size corrects.
 CORRECTED = (
     "delay", "geometry", "gear ratio", "torque gain", "zero position", "position scale", "encoder",
-    "encoder coupling", "wrench frame", "wrench gain",
+    "encoder coupling", "wrench frame", "wrench gain", WARMTH,
 )  # fmt: skip
 
 #: What to do about the others.
@@ -47,7 +51,8 @@ INSTEAD = {
     "missing parameter": "estimate it, too ([identify] parameters)",
     "backlash": "its size alone does not correct it",
     "torque ripple": "its size alone does not correct it",
-    "warming up": "identify shorter parts of the record",
+    "warming up": "name columns of temperature ([identify] temperature), or identify shorter parts "
+    "of the record",
     "offset drift": "identify shorter parts of the record",
     "offset jump": "identify the parts before and after it apart",
     "load drift": "identify shorter parts of the record",
@@ -64,7 +69,7 @@ SETTLED = 0.1
 #: Rounds after which corrections that do not settle are given up.
 MAX_ROUNDS = 8
 
-#: Most causes of the kinds asked for that are corrected together.
+#: Most causes of the kinds asked for that are corrected together, but for one of each joint.
 MOST = 8
 
 
@@ -78,6 +83,7 @@ class Corrections(Displayed):
         size: by how much, each in the unit of its cause, one after the other, shape (columns,).
         covariance: of ``size``, shape (columns, columns).
         alike: other causes that the record cannot tell from one of them, by its words.
+        left_out: joints whose temperature does not explain their friction.
     """
 
     problem: Problem
@@ -85,6 +91,14 @@ class Corrections(Displayed):
     size: np.ndarray
     covariance: np.ndarray
     alike: Mapping[str, tuple[Cause, ...]] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+
+    def on(self, recordings: Sequence[Recording]) -> tuple[Recording, ...]:
+        """Other recordings of the same machine, corrected likewise."""
+        if not self.causes or not recordings:
+            return tuple(recordings)
+        other = replace(self.problem, recordings=recordings, weights=None)
+        return tuple(_corrected(other, self.causes, self.size).recordings)
 
     def of(self, cause: Cause) -> tuple[np.ndarray, np.ndarray]:
         """Size of one cause and its standard errors, each (columns,)."""
@@ -94,21 +108,24 @@ class Corrections(Displayed):
 
     def findings(self) -> tuple[Finding, ...]:
         """A note on each correction with its interval; a warning where another one may be right."""
-        found = []
+        found = [_left_out(name) for name in self.left_out]
         for cause in self.causes:
-            size, std = self.of(cause)
-            values = [
-                f"{plus_minus(float(x), 2.0 * float(s))} {cause.unit}"
-                for x, s in zip(size, std, strict=True)
-            ]
+            size, std = (x.tolist() for x in self.of(cause))
+            number = range(1, cause.count + 1)
+            named = [(f"size {k}" if cause.count > 1 else "size", cause.unit) for k in number]
+            parts = list(zip(cause.parts or named, size, std, strict=True))
+            values = " and ".join(
+                f"{f'{name} by ' * bool(cause.parts)}{plus_minus(x, 2.0 * s)} {unit}"
+                for (name, unit), x, s in parts
+            )
             said = not cause.subject or cause.what.endswith(f" {cause.subject}")
             whose = "" if said else f" of {cause.subject}"
-            text = f"Corrected with the estimate: {cause.what}{whose}, {' and '.join(values)}."
+            words = f"{cause.what}{whose}, {{size}}"
+            words = (cause.phrase if cause.parts else words).replace("{size}", values)
+            text = f"Corrected with the estimate: {words}."
             evidence = {
-                f"size {k + 1}" if size.size > 1 else "size": Quantity(
-                    float(x), cause.unit, interval=(float(x - 2 * s), float(x + 2 * s))
-                )
-                for k, (x, s) in enumerate(zip(size, std, strict=True))
+                name: Quantity(x, unit, interval=(x - 2 * s, x + 2 * s))
+                for (name, unit), x, s in parts
             }
             severity: Severity = "note"
             if others := self.alike.get(str(cause)):
@@ -138,7 +155,8 @@ def corrections(
     """Estimate the causes of some kinds that the record shows, together with the parameters.
 
     A delay of all torques is estimated whenever it is asked for; of the other kinds, those causes
-    that are significant.
+    that are significant. Friction that changes with temperature is asked for by recordings that
+    have one.
 
     Args:
         problem: what is given.
@@ -156,6 +174,7 @@ def corrections(
     """
     say = progress or (lambda line: None)
     _check_kinds(kinds)
+    kinds = (*kinds, WARMTH)
     method = method_named(method)
     chosen: list[Cause] = []
     size = np.zeros(0)
@@ -169,15 +188,18 @@ def corrections(
             added = _further(tests, numbers, alike)
         numbers += added
         chosen += [tests.causes[k] for k in added]
+        known = {str(cause) for cause in chosen}
+        cold = [c for c in tests.causes if c.kind == WARMTH and str(c) not in known]
+        left_out = tuple(cause.subject for cause in cold)
         if not chosen:
-            return Corrections(problem, (), size, np.zeros((0, 0)))
+            return Corrections(problem, (), size, np.zeros((0, 0)), left_out=left_out)
         step, covariance, shown = _step(tests, numbers)
         size = np.concatenate([size, np.zeros(step.size - size.size)]) + step
         change = float(np.max(np.abs(step[shown]) / np.sqrt(np.diag(covariance)[shown])))
         say(f"corrections, round {round_ + 1}: they change by {change:.2g} σ")
         if not added and change < SETTLED:
             last = _corrected(problem, chosen, size)
-            return Corrections(last, tuple(chosen), size, covariance, alike)
+            return Corrections(last, tuple(chosen), size, covariance, alike, left_out)
     raise IdentificationError(
         f"the corrections of {', '.join(str(c) for c in chosen)} do not settle in {MAX_ROUNDS} "
         "rounds",
@@ -198,7 +220,7 @@ def with_corrections(found: Identification, made: Corrections) -> Identification
         The estimate with wider intervals and a note on each correction; itself without any.
     """
     if not made.causes:
-        return found
+        return replace(found, warnings=(*made.findings(), *found.warnings))
     tests = score_tests(made.problem, found, [cause.kind for cause in made.causes])
     numbers = [_number(tests, cause) for cause in made.causes]
     columns = tests.columns(numbers)
@@ -261,7 +283,7 @@ def _further(
     for k, cause in enumerate(tests.causes):
         if cause.kind == "delay" and not cause.subject and k not in corrected:
             added.append(k)
-    while len(corrected) + len(added) < MOST:
+    while len(corrected) + len(added) < max(MOST, len(tests.sums.variance)):
         _, scores = tests.all_scores([*corrected, *added], 0.0)
         able = {
             k: s
@@ -272,10 +294,17 @@ def _further(
             break
         best = max(able, key=lambda k: able[k].unseen)
         added.append(best)
-        alike[str(tests.causes[best])] = tuple(
-            score.cause for score in alternatives(able[best], able.values())
-        )
+        if tests.causes[best].kind != WARMTH:  # one joint's temperature is not that of another
+            alike[str(tests.causes[best])] = tuple(
+                score.cause for score in alternatives(able[best], able.values())
+            )
     return added
+
+
+def _left_out(joint: str) -> Finding:
+    """A note on a temperature that explains nothing."""
+    text = f"The temperature of {joint} explains nothing of its friction, which is not corrected."
+    return Finding("note", "correction", WARMTH, text, joint)
 
 
 def _check_kinds(kinds: Sequence[str]) -> None:

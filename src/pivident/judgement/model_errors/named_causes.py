@@ -30,7 +30,13 @@ from pivident.judgement.model_errors.cause_sums import JointRows
 from pivident.judgement.model_errors.coupling_errors import COUPLED, coupling_causes
 from pivident.judgement.model_errors.motion_errors import geometry_causes, motion_causes
 from pivident.judgement.model_errors.score_tests import LEVEL, MOST_CAUSES, Score, ScoreTests
-from pivident.judgement.model_errors.time_errors import LOAD, Instants, time_causes, torques_of
+from pivident.judgement.model_errors.time_errors import (
+    LOAD,
+    Instants,
+    temperature_causes,
+    time_causes,
+    torques_of,
+)
 from pivident.judgement.model_errors.torque_errors import (
     friction_causes,
     spring_causes,
@@ -240,7 +246,7 @@ def score_tests(
     tried = max(len(own) for own in sets)
     causes = [cause for own in sets for cause in own]
     if kinds is not None:
-        causes = [cause for cause in causes if cause.kind in kinds]
+        causes = [c for c in (*causes, *temperature_causes(problem)) if c.kind in kinds]
     rows = CauseRows(problem, found, causes, kinematics, motions)
     theta = np.zeros(int(rows.first[-1]))
     theta[: found.theta.size] = found.theta

@@ -1,26 +1,42 @@
-"""Offsets and loads that change with time: a drift, or a jump at an instant.
+"""Offsets and loads that change with time, and friction that changes with a temperature.
 
 Electronics that warm up, a brake that drags or a force sensor that is set to zero anew change the
 offset of a torque; something that is picked up, poured out or fed changes what the flange carries.
 With the instant of a jump unknown, instants all over the records are tried, and then those near the
 ones that were found (see `named_causes`).
+
+Grease thins as a gear warms up. With the temperature T of a joint logged and a reference T₀, its
+viscous and Coulomb friction are
+
+    (fv + βv (T - T₀)) dq + (fc + βc (T - T₀)) s(dq),
+
+and fv and fc are those at T₀ once the torque of β has been taken out of the recordings.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
+from pivident.data.recording.recording import Recording
+from pivident.dynamics.friction import friction_column
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
+from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import RandomWalk
+from pivident.foundation.common_work import once
+from pivident.foundation.errors import ExperimentError
+from pivident.foundation.text.numbers import format_significant
 from pivident.judgement.model_errors.cause import NEGLIGIBLE, Cause, Columns, RecordMotion, on_joint
 from pivident.loop.motion.motion import Kinematics
 from pivident.robot.description import Robot
 from pivident.robot.joints import Joint
+from pivident.signals.alignment import torque_shift
 
 #: Instants that are tried, evenly over all records, and about each that was found on either side.
 INSTANTS, NEARER = 15, 8
@@ -28,6 +44,12 @@ INSTANTS, NEARER = 15, 8
 MINUTE = 60.0
 #: A load at the flange: mass and first moments, the mass first, whose amplitude is the size.
 LOAD = ("m", "mx", "my", "mz")
+#: Kind of the change of friction with temperature, and expressions of the terms that change.
+WARMTH, WARMED = "friction by temperature", ("dq", "s")
+#: Distance from the mean of the record beyond which a reference is in another unit [K].
+FAR = 150.0
+#: Temperatures above which they are in kelvin.
+KELVIN = 200.0
 
 
 @dataclass(frozen=True)
@@ -167,3 +189,96 @@ def torques_of(parameters: Sequence[Parameter]) -> Columns:
         return np.ascontiguousarray(matrix.transpose(2, 1, 0))
 
     return columns
+
+
+def reference_temperatures(problem: Problem) -> np.ndarray:
+    """Temperature of each joint that its friction belongs to, shape (joints,) [°C or K].
+
+    Args:
+        problem: with a temperature in every recording.
+
+    Raises:
+        ExperimentError: a recording has none, or the reference is in another unit than theirs.
+    """
+    for recording in problem.recordings:
+        if recording.temperature is None:
+            raise ExperimentError(
+                f"recording {recording.name!r} has no temperature",
+                advice="name columns that all runs have, or leave this run out",
+            )
+    mean = np.concatenate([np.asarray(r.temperature) for r in problem.recordings]).mean(axis=0)
+    given, base = problem.reference_temperature, problem.robot.base_joints
+    if given is None:
+        return np.asarray(mean)
+    if np.abs(given - mean[base:]).max() > FAR:
+        raise ExperimentError(
+            f"reference_temperature is {given:g}, but the temperatures of the record are "
+            f"{mean[base:].min():.4g} to {mean[base:].max():.4g} on average",
+            advice="give it in the unit of the log: 25 °C are 298 K",
+        ).about("identify", "reference_temperature")
+    return np.full(mean.shape, float(given))
+
+
+def temperature_causes(problem: Problem) -> Iterator[Cause]:
+    """Friction of each joint that changes with its temperature, where recordings have one."""
+    if all(recording.temperature is None for recording in problem.recordings):
+        return
+    reference = reference_temperatures(problem)
+    for j, place in enumerate(problem.robot.places):
+        own = [
+            p for p in problem.regressor.parameters
+            if p.joint == place and p.friction is not None
+            and p.friction.column.expression in WARMED
+        ]  # fmt: skip
+        if own:
+            yield _warmth(problem, j, own, float(reference[j]))
+
+
+def _warmth(problem: Problem, j: int, own: Sequence[Parameter], reference: float) -> Cause:
+    """(T - T₀) times the columns of some friction parameters of one joint."""
+
+    def torques(recording: Recording, seconds: np.ndarray, dq: np.ndarray) -> list[np.ndarray]:
+        assert recording.temperature is not None, "the reference needs it"
+        t = np.arange(recording.samples) / recording.rate
+        w = np.interp(seconds, t, recording.temperature[:, j]) - reference
+        return [w * friction_column(p.friction, dq) for p in own if p.friction is not None]
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        recording, seconds = problem.recordings[motion.number], motion.seconds - motion.start
+        return on_joint(j, torques(recording, seconds, motion.dq[j]), motion)
+
+    def correct(given: Problem, size: np.ndarray) -> Problem:
+        def cooled(recording: Recording) -> Recording:
+            tau, k = recording.tau.copy(), np.arange(recording.samples)
+            late = k + torque_shift(
+                recording.rate, recording.torque_timing, control_rate=recording.control_rate,
+                delay=recording.delay - recording.drive_delay,
+            )  # fmt: skip
+            dq = np.interp(late, k, speeds_of(recording)[j])
+            tau[:, j] -= size @ torques(recording, late / recording.rate, dq)
+            return replace(recording, tau=tau)
+
+        return replace(given, recordings=tuple(map(cooled, given.recordings)))
+
+    name, unit = problem.robot.joint_names[j], "K" if reference > KELVIN else "°C"
+    phrase = f"the friction of {name} changes with its temperature, {{size}}; it holds at "
+    return Cause(
+        WARMTH,
+        name,
+        "change of friction with temperature",
+        "",
+        columns,
+        len(own),
+        correct,
+        parts=tuple((p.name, f"{p.unit} per K") for p in own),
+        phrase=f"{phrase}{format_significant(reference)} {unit}",
+    )
+
+
+def speeds_of(recording: Recording) -> np.ndarray:
+    """Smoothed speeds, shape (joints, samples), once for all recordings of the same positions."""
+
+    def made() -> tuple[np.ndarray, np.ndarray]:  # with the positions, whose number is then theirs
+        return recording.q, estimate_kinematics(recording, RandomWalk()).dq
+
+    return once(("speeds", id(recording.q), recording.rate), made)[1]

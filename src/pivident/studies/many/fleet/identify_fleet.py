@@ -21,7 +21,6 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
-from pivident.experiment.missing_torque import TEMPERATURE, without_temperature
 from pivident.foundation.errors import ExperimentError, PividentError
 from pivident.foundation.extras import require
 from pivident.foundation.progress import Say
@@ -113,8 +112,7 @@ def _problem(template: Template, log: FleetLog) -> tuple[Problem, np.ndarray | N
     recordings = experiment.recordings()
     temperatures = None
     if template.fleet.temperature is not None:
-        temperatures = np.concatenate([r.inputs[TEMPERATURE] for r in recordings]).mean(axis=0)
-        recordings = tuple(without_temperature(r) for r in recordings)
+        temperatures = np.concatenate([r.temperature for r in recordings]).mean(axis=0)
     return experiment.problem(recordings=recordings), temperatures
 
 

@@ -76,8 +76,7 @@ class Template:
     def experiment_of(self, log: FleetLog) -> Experiment:
         """The experiment of one log."""
         (entry,) = self.content.recording
-        if self.fleet.temperature is not None:
-            entry = with_input(entry, self.fleet.temperature, self.experiment.robot.size)
+        entry = with_input(entry, self.fleet.temperature)
         entries = []
         for record in log.records:
             files = {key: str(Path(path).absolute()) for key, path in record}
