@@ -8,11 +8,14 @@ state is advanced by the exact solution over the travel, with the kernels of the
 a column hardly depends on the sampling rate. Where the speed changes its sign between two samples,
 the travel is split at the turning point of a motion of constant acceleration. The path starts
 relaxed, z = 0.
+
+Friction that changes with the temperature T of its joint: (T - T₀) Σ β s(dq) over some terms.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,8 +27,10 @@ from pivident.dynamics.friction_kernels import (
     travel_to_reversal,
     values_at_states,
 )
+from pivident.dynamics.parameters import Parameter
 from pivident.foundation.compiled import kernel
 from pivident.foundation.errors import UnusableValue
+from pivident.foundation.text.plain_values import Name
 from pivident.robot.friction_column import SIGNS, evaluated
 from pivident.robot.friction_term import FrictionTerm
 from pivident.robot.friction_terms.presliding import PRESLIDING, PRESLIDING_RATE
@@ -148,3 +153,37 @@ def expression_value(expression: str, quantities: Mapping[str, Any]) -> Any:
 def smoothed_sign(sign: int, gamma: float, dq: np.ndarray) -> np.ndarray:
     """sign(dq), (2/π) atan(γ dq) or tanh(γ dq)."""
     return expression_value(SIGNS[sign], {"gamma": gamma, "dq": dq})
+
+
+@dataclass(frozen=True)
+class FrictionWarming:
+    """How the friction of one joint changes with its temperature.
+
+    Attributes:
+        joint: name of the joint.
+        reference: temperature T₀ that its friction parameters belong to [°C or K].
+        parameters: names of those that change.
+        per_kelvin: β of each, in its unit per K.
+        std: their standard errors.
+    """
+
+    joint: Name
+    reference: float
+    parameters: tuple[Name, ...]
+    per_kelvin: tuple[float, ...]
+    std: tuple[float, ...]
+
+    def torque(
+        self, parameters: Sequence[Parameter], dq: np.ndarray, temperature: np.ndarray
+    ) -> np.ndarray:
+        """What is added to the friction at T₀ [N m or N], shape (samples,).
+
+        Args:
+            parameters: of the model, these among them.
+            dq: speed of the joint, shape (samples,) [rad/s or m/s].
+            temperature: of the joint, likewise, in the unit of the reference.
+        """
+        terms = {p.name: p.friction for p in parameters if p.friction is not None}
+        pairs = zip(self.parameters, self.per_kelvin, strict=True)
+        change = sum(beta * friction_column(terms[name], dq) for name, beta in pairs)
+        return np.asarray((temperature - self.reference) * change)

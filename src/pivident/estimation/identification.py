@@ -15,6 +15,7 @@ import numpy as np
 
 from pivident.data.logs.torque_scale import MASSES, TorqueScale
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.friction import FrictionWarming
 from pivident.dynamics.inverse_dynamics import InverseDynamics
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.robot_regressor import regressor_of
@@ -120,6 +121,8 @@ class Identification(Estimated, Displayed):
         simulation: how near a fitted simulation comes, with the unknowns of its loop; None: nothing
             was fitted by simulation.
         known: what was known of the parameters beforehand: fixed values, bounds, priors, equations.
+        friction_warming: how friction changes with temperature; its parameters are those at the
+            reference, see `pivident.judgement.corrections`.
         loop_values: ``controller``, ``reference`` and ``loop`` as the file of a loaded
             identification holds them; None for an identification that was made here.
         judged: parameters that errors and covariances belong to, those of the result.
@@ -163,6 +166,7 @@ class Identification(Estimated, Displayed):
     equation_noise: EquationNoise | None = field(default=None, repr=False)
     simulation: SimulationResult | None = field(default=None, repr=False)
     known: KnownParameters = field(default_factory=KnownParameters)
+    friction_warming: tuple[FrictionWarming, ...] = ()
     loop_values: dict[str, Any] | None = field(default=None, repr=False)
     judged: np.ndarray | None = field(default=None, repr=False)
 

@@ -14,6 +14,7 @@ from typing import Annotated, Any, TypedDict
 
 import numpy as np
 
+from pivident.dynamics.friction import FrictionWarming
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification, Iteration, JointFit, torque_sums
 from pivident.estimation.known_parameters import KnownParameters
@@ -136,6 +137,7 @@ class IdentificationTable:
     equation_noise: Annotated[EquationNoise | None, LATER] = None
     simulation: Annotated[SimulationResult | None, LATER] = None
     known: Annotated[KnownParameters, SPARSE] = field(default_factory=KnownParameters)
+    friction_warming: Annotated[tuple[FrictionWarming, ...], SPARSE] = ()
 
 
 def save_identification(identification: Identification, folder: str | PathLike[str]) -> None:

@@ -21,6 +21,7 @@ from pivident.foundation.text.numbers import format_significant, percent, plain_
 from pivident.foundation.text.sentences import first_sentence, plural
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
 from pivident.judgement.diagnostics.uses import Use
+from pivident.judgement.model_errors.time_errors import temperature_text
 from pivident.judgement.validation.held_out.prediction import PredictionError
 
 #: Width of the screen, in characters, its lines, and those of one item.
@@ -212,6 +213,8 @@ def summary_of(
     if values.answer != "yes" and torques.answer != "no":
         text += "; of the others trust the torques, not single values"
     text += ". ± is the 95 % interval"
+    for own in result.friction_warming:
+        text += f"; friction of {own.joint} is that at {temperature_text(own.reference)}"
     repairs = [Item(t.cause, effect=t.effect) for t in diagnostics.trials if t.wins]
     further = [_item(s) for s in reservations if not s.repairs]
     items = repairs or further  # what a fault of the log makes of the rest is not known yet

@@ -233,6 +233,7 @@ class Cause(Displayed):
         by_effect: whether one below is named, too, if it moves the estimate out of its intervals.
         phrase: the cause in words with ``{size}`` in its place; empty: subject, what and size.
         parts: name and unit of each column, where they have their own.
+        reference: temperature where its torque is zero [°C or K]; None: it is of no temperature.
         instant: when it began, since the first record did [s]; None: it has no instant.
     """
 
@@ -254,6 +255,7 @@ class Cause(Displayed):
     by_effect: bool = False
     phrase: str = ""
     parts: tuple[tuple[str, str], ...] = ()
+    reference: float | None = None
     instant: float | None = None
 
     def allows(self, size: np.ndarray) -> bool:

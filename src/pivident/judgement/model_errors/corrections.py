@@ -21,6 +21,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pivident.data.recording.recording import Recording
+from pivident.dynamics.friction import FrictionWarming
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.method import Method
@@ -105,6 +106,18 @@ class Corrections(Displayed):
         first = sum(c.count for c in self.causes[: self.causes.index(cause)])
         own = slice(first, first + cause.count)
         return self.size[own], np.sqrt(np.diag(self.covariance))[own]
+
+    @property
+    def friction_warming(self) -> tuple[FrictionWarming, ...]:
+        """Changes of friction with temperature, one for each joint that has one."""
+        return tuple(
+            FrictionWarming(
+                cause.subject, cause.reference, tuple(name for name, _ in cause.parts),
+                *(tuple(x.tolist()) for x in self.of(cause)),
+            )
+            for cause in self.causes
+            if cause.reference is not None
+        )  # fmt: skip
 
     def findings(self) -> tuple[Finding, ...]:
         """A note on each correction with its interval; a warning where another one may be right."""
@@ -231,6 +244,7 @@ def with_corrections(found: Identification, made: Corrections) -> Identification
         found,
         covariance=found.covariance + more,
         robust_covariance=found.robust_covariance + more,
+        friction_warming=made.friction_warming,
         warnings=(*made.findings(), *found.warnings),
     )
 

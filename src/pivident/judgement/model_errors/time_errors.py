@@ -260,7 +260,7 @@ def _warmth(problem: Problem, j: int, own: Sequence[Parameter], reference: float
 
         return replace(given, recordings=tuple(map(cooled, given.recordings)))
 
-    name, unit = problem.robot.joint_names[j], "K" if reference > KELVIN else "°C"
+    name = problem.robot.joint_names[j]
     phrase = f"the friction of {name} changes with its temperature, {{size}}; it holds at "
     return Cause(
         WARMTH,
@@ -271,8 +271,14 @@ def _warmth(problem: Problem, j: int, own: Sequence[Parameter], reference: float
         len(own),
         correct,
         parts=tuple((p.name, f"{p.unit} per K") for p in own),
-        phrase=f"{phrase}{format_significant(reference)} {unit}",
+        phrase=f"{phrase}{temperature_text(reference)}",
+        reference=reference,
     )
+
+
+def temperature_text(value: float) -> str:
+    """``37.3 °C``, or ``310 K`` of temperatures that are in kelvin."""
+    return f"{format_significant(value)} {'K' if value > KELVIN else '°C'}"
 
 
 def speeds_of(recording: Recording) -> np.ndarray:

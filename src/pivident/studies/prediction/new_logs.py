@@ -8,7 +8,7 @@ A result from its files, with what is stored beside it that a prediction can be 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, Any
 from pivident.data.logs.described_log import bare_log
 from pivident.data.logs.log import Log
 from pivident.data.logs.read_log import read_log
+from pivident.data.recording.checks import TEMPERATURE
 from pivident.data.recording.load import OF_LOGGER, load_recording, recording_from
 from pivident.data.recording.recording import Recording
+from pivident.dynamics.friction import FrictionWarming
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification
 from pivident.estimation.stored_identification import json_of_file, load_identification
@@ -67,6 +69,7 @@ class StoredResult(Displayed):
         readings: arguments of `load_recording` by which its own logs were read.
         fitted: range of the fitted motion, or None.
         held_out: errors on motion that was held out, or None.
+        warming: how friction changes with temperature.
     """
 
     model: Identification | RunnableModel
@@ -74,6 +77,7 @@ class StoredResult(Displayed):
     readings: tuple[Mapping[str, Any], ...] = ()
     fitted: MotionRange | None = None
     held_out: HeldOutErrors | None = None
+    warming: tuple[FrictionWarming, ...] = ()
 
     def predict(
         self, recording: Recording, *, compare: bool = True, band: float | None = None
@@ -92,6 +96,7 @@ class StoredResult(Displayed):
             held_out=self.held_out,
             fitted=self.fitted,
             band=band,
+            warming=self.warming,
         )
 
 
@@ -138,7 +143,8 @@ def _mounted(path: str | Path, experiment: str | Path | None) -> Robot:
 
 def _of_identification(found: Identification, file: Path) -> StoredResult:
     errors = held_out_errors(file.parent, found.method)
-    return StoredResult(found, file, found.readings, found.fitted_range, errors)
+    warming = found.friction_warming
+    return StoredResult(found, file, found.readings, found.fitted_range, errors, warming)
 
 
 def _of_consistent(file: Path, content: Mapping[str, Any]) -> StoredResult:
@@ -150,7 +156,7 @@ def _of_consistent(file: Path, content: Mapping[str, Any]) -> StoredResult:
     if hashlib.sha256(beside.read_bytes()).hexdigest() != model.origin.identification:
         return StoredResult(model, file)
     free = _of_identification(load_identification(beside), beside)
-    return StoredResult(model, file, free.readings, free.fitted, free.held_out)
+    return replace(free, model=model, file=file)
 
 
 def check_same_joints(result: StoredResult, names: tuple[str, ...], where: str) -> None:
@@ -256,6 +262,9 @@ def _read(
     Without its torque where it has none; ``whole``: what is read of it [s], None: all.
     """
     known = dict(reading) | {"robot": robot} | _channels(reading, CHANNELS)
+    warm = reading["columns"].get("inputs", {}).get(TEMPERATURE)
+    if warm is not None and _has(files, warm):
+        known["columns"] |= {"inputs": {TEMPERATURE: warm}}
 
     def one(part: Part | None) -> Recording:
         part = part or whole
@@ -293,13 +302,17 @@ def _has_some_torque(files: Any, known: Mapping[str, Any]) -> bool:
     spec = known["columns"]["tau"]
     beside = {} if not isinstance(spec, Mapping) or "file" not in spec else {"file": spec["file"]}
     listed = spec["columns"] if isinstance(spec, Mapping) else spec
-    for column in [] if isinstance(listed, str) else listed:
-        try:
-            read_log(files, {"tau": beside | {"columns": [column]}})
-        except UnknownColumn:
-            continue
-        return True
-    return False
+    columns = [] if isinstance(listed, str) else listed
+    return any(_has(files, [column], **beside) for column in columns)
+
+
+def _has(files: Any, columns: Sequence[str], **beside: str) -> bool:
+    """Whether the log has columns of these names."""
+    try:
+        read_log(files, {"tau": {"columns": list(columns), **beside}})
+    except UnknownColumn:
+        return False
+    return True
 
 
 def _bare(path: Path, robot: Robot) -> Iterator[NewLog]:

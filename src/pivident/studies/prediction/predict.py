@@ -22,6 +22,7 @@ import numpy as np
 
 from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
+from pivident.dynamics.friction import FrictionWarming
 from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
@@ -31,6 +32,7 @@ from pivident.foundation.text.finding import Finding, Quantity
 from pivident.foundation.text.numbers import format_significant, percent
 from pivident.foundation.text.sentences import listed
 from pivident.judgement.diagnostics.prediction_statements import WORSE
+from pivident.judgement.model_errors.time_errors import WARMTH, temperature_text
 from pivident.judgement.validation.held_out.cross_validation import CrossValidation
 from pivident.judgement.validation.held_out.folds import moving_part
 from pivident.judgement.validation.held_out.held_out_errors import (
@@ -67,6 +69,7 @@ def predict(
     held_out: CrossValidation | HeldOutErrors | None = None,
     fitted: MotionRange | None = None,
     band: float | None = None,
+    warming: Sequence[FrictionWarming] = (),
 ) -> Prediction:
     """Torques of a new recording by a result, and their errors.
 
@@ -81,6 +84,7 @@ def predict(
         fitted: range of the fitted motion; None: that of the result, where it is known.
         band: highest frequency of the motion, below which errors are compared [Hz]; None: from the
             recording.
+        warming: how friction changes with the temperature of the recording; none: as of the result.
 
     Returns:
         Torques, errors by joint and by frequency, and where the motion leaves the fitted range.
@@ -117,11 +121,16 @@ def predict(
     moved = replace(recording, torque_source="law", allow_constant=True, saturation="allow")
     problem = Problem(robot, (recording if recording.has_torque else moved,))
     start, stop = moving_part(problem, k)
-    model = torque(k.q.T, k.dq.T, k.ddq.T)
+    model, free = torque(k.q.T, k.dq.T, k.ddq.T), _free(result)
+    warming = warming or getattr(free, "friction_warming", ())
+    if recording.temperature is not None:
+        for own in warming:
+            j = robot.joint_names.index(own.joint)
+            model[:, j] += own.torque(result.parameters, k.dq[j], recording.temperature[:, j])
     measured = measured_samples(k).T
     residual = np.where(measured, k.tau.T - model, 0.0)
     error = _error(judge, robot, residual, slice(start, stop)) if compare else None
-    known = fitted or _fitted_range(result)
+    known = fitted or (free.fitted_range if isinstance(free, Identification) else None)
     exits = () if known is None else range_exits(robot, known, k, slice(start, stop))
     earlier = HeldOutErrors.of(held_out) if isinstance(held_out, CrossValidation) else held_out
     if earlier is not None and band is not None and band != earlier.band:
@@ -130,6 +139,7 @@ def predict(
     if compare:
         still = np.abs(k.dq.T[start:stop]) < problem.low_speeds(recording)
         findings += _at_rest(robot, still, residual[start:stop])
+    findings += [_warmth(own, recording.temperature is not None) for own in warming]
     if isinstance(result, RunnableModel):
         findings += _without_drives(result)
     if known is not None:
@@ -339,10 +349,19 @@ def _at_rest(robot: Robot, still: np.ndarray, residual: np.ndarray) -> list[Find
     return [Finding("note", "standstill", "friction", text)]
 
 
-def _fitted_range(result: Any) -> MotionRange | None:
-    """That of the identification behind a result."""
-    free = getattr(result, "free", None) or getattr(result, "estimate", None) or result
-    return free.fitted_range if isinstance(free, Identification) else None
+def _warmth(own: FrictionWarming, is_known: bool) -> Finding:
+    """At which temperature the friction of a joint is predicted."""
+    text = f"Friction of {own.joint} is that at {temperature_text(own.reference)}"
+    step = "Name its columns: [identify] temperature in an experiment file with --experiment."
+    if is_known:
+        return Finding("note", WARMTH, "at the log's", f"{text}, changed to that of the log.")
+    text += ", since the temperature of the log is not known."
+    return Finding("note", WARMTH, "at the reference", text, own.joint, step)
+
+
+def _free(result: Any) -> Any:
+    """The identification behind a result, or the result."""
+    return getattr(result, "free", None) or getattr(result, "estimate", None) or result
 
 
 def _method(result: Any) -> str:
