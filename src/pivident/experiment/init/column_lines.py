@@ -126,29 +126,32 @@ def temperature_lines(
 
     ``warmth``: on the rows that are used, shape (samples, joints).
     """
-    constant = "`identify` takes friction as constant: warm the robot up before the record, or "
-    constant += "keep a part of one temperature (part under [recording])"
     if warm is None or warmth is None:
         if not found.drifted:
             return ()
         seen = f"with time {drift_text(found.drifted)}, and no column of motor temperatures is "
-        seen += f"recognised that could tell why; log them. {constant}"
+        seen += "recognised that could tell why: friction is taken as constant. Log temperatures, "
+        seen += "warm the robot up before the record, or keep a part of one temperature (part "
+        seen += "under [recording])"
         example = f"[{', '.join(string_text(f'temperature_{j}') for j in names)}]"
-        return (Assumption("gains", "temperature", None, "likely", seen, example=example),)
+        return (Assumption("identify", "temperature", None, "likely", seen, example=example),)
     columns = [warm.columns[name] for name in names]
     value: Any = columns[0] if len(set(columns)) == 1 else columns
     span = f"from {warmth.min():.4g} to {warmth.max():.4g}"
     if not found.warmed:
         seen = f"motor temperatures are logged ({span}), but do not explain unseen motion better"
         example = value_text(value)
-        return (Assumption("gains", "temperature", None, "likely", seen, example=example),)
-    seen = f"motor temperatures go {span}, and with them {drift_text(found.warmed)}. `pivident "
-    seen += f"gains` separates magnets from friction by them; {constant}"
+        return (Assumption("identify", "temperature", None, "likely", seen, example=example),)
+    seen = f"motor temperatures go {span}, and with them {drift_text(found.warmed)}: friction is "
+    seen += "identified at their mean"
+    correct = "Or at another one: reference_temperature."
+    line = Assumption("identify", "temperature", value, "likely", seen, correct)
     listed_units = torque.value if torque is not None else "N m"
     units = listed_units if isinstance(listed_units, list) else [listed_units]
     if any(isinstance(unit, Mapping) and unit.get("unit") in COMMAND for unit in units):
-        return (Assumption("gains", "temperature", value, "likely", seen),)
-    return (Assumption("gains", "temperature", None, "likely", seen, example=value_text(value)),)
+        seen = "by them `pivident gains` separates magnets from friction"
+        return line, Assumption("gains", "temperature", value, "likely", seen)
+    return (line,)
 
 
 def measures_link_torques(

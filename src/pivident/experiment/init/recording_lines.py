@@ -102,7 +102,7 @@ class RecordingLines:
     link_torques: bool  # whether the torques are those of sensors behind the gears
     has_torque: bool = True  # whether a torque was found
     law: ActuatorLaw | None = None  # of the actuators of an MJCF, where no torque was found
-    warmth: tuple[Assumption, ...] = ()  # lines of ``[gains]`` that follow from temperatures
+    warmth: tuple[Assumption, ...] = ()  # lines that follow from temperatures
 
 
 def recording_lines(
