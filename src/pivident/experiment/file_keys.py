@@ -292,6 +292,12 @@ class ColumnsEntry(Entry):
         'their own; for a bag none, `"stamp"` or `"receive_time"`',
         kind="column or table",
     )
+    temperature: Any = key(
+        None,
+        "temperatures of motors or gears of this run, °C or K, where they are called otherwise "
+        "than `temperature` under `[identify]` says; without that key of no effect",
+        kind="columns",
+    )
     inputs: dict[str, Any] = key(
         factory=dict,
         meaning="known signals added to the controller's output, by name",

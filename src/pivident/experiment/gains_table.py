@@ -20,7 +20,7 @@ from pivident.estimation.drives.motor_temperature import (
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import errors_name
 from pivident.experiment.file_keys import ExperimentFile, GainsEntry, RecordingEntry
-from pivident.experiment.missing_torque import SENSORS, with_input, without_sensors
+from pivident.experiment.missing_torque import SENSORS, with_columns, without_sensors
 from pivident.foundation.errors import ExperimentError
 from pivident.loop.simulation.controllers import UNKNOWN_GAIN
 from pivident.robot.description import Robot
@@ -221,7 +221,8 @@ def with_unit_gains(experiment: Experiment) -> Experiment:
 def _with_columns(entry: RecordingEntry, given: GainsEntry) -> RecordingEntry:
     """The table with the columns of temperatures and of sensors, where the log has them."""
     warm = None if given.temperature == "time" else given.temperature
-    return with_input(with_input(entry, warm), given.sensors, SENSORS)
+    behind = entry.columns and given.sensors and {**entry.columns.inputs, SENSORS: given.sensors}
+    return with_columns(entry, temperature=warm, inputs=behind)
 
 
 def _corrected(

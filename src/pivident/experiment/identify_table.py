@@ -183,7 +183,7 @@ class IdentifyKeys(Entry):
         kind="list of kinds",
         shown="–",
     )
-    temperature: str | list[str] | None = key(
+    temperature: str | list[str] | dict[str, Any] | None = key(
         None,
         "temperatures of motors or gears in the logs, one column or one for each joint: viscous "
         "and Coulomb friction that change with them are brought to one temperature, where unseen "

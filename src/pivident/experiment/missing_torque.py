@@ -2,18 +2,17 @@
 
 tau = drive_gain · C(q_ref - q): the law C with its gains under ``[controller]``, and q_ref
 
-Temperatures and torques behind the gears that a log carries beside its channels: read as inputs.
+Channels that other tables name, of all recordings; torques behind the gears are read as inputs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
-from pivident.data.recording.checks import TEMPERATURE
 from pivident.data.recording.recording import Recording
 from pivident.experiment.file_keys import (
-    ColumnsEntry,
     ControllerEntry,
     ExperimentFile,
     RecordingEntry,
@@ -108,16 +107,11 @@ def _check_ratios(content: ExperimentFile) -> None:
 SENSORS = "torque behind the gear"
 
 
-def with_input(
-    entry: RecordingEntry, columns: str | list[str] | None, name: str = TEMPERATURE
-) -> RecordingEntry:
-    """The table of a recording with the columns of the temperatures, say, as one more input."""
-    if entry.columns is None or columns is None:
+def with_columns(entry: RecordingEntry, **columns: Any) -> RecordingEntry:
+    """The table of a recording with the columns of further channels; None: as they are."""
+    if entry.columns is None:
         return entry
-    inputs = {**entry.columns.inputs, name: columns}
-    more = ColumnsEntry.model_validate(
-        entry.columns.model_dump(exclude_unset=True) | {"inputs": inputs}
-    )
+    more = entry.columns.model_copy(update={k: x for k, x in columns.items() if x})
     return entry.model_copy(update={"columns": more})
 
 

@@ -12,7 +12,6 @@ import numpy as np
 from pivident.data.logs.bags.read_bag import is_bag
 from pivident.data.logs.log import Log
 from pivident.data.logs.tables.tables import named_columns
-from pivident.data.recording.checks import TEMPERATURE
 from pivident.data.recording.load import OF_LOGGER, load_recording
 from pivident.data.recording.public_records import RUNS, load_public, public_facts
 from pivident.data.recording.recording import Recording
@@ -373,9 +372,13 @@ def _description(
 ) -> dict[str, Any]:
     """What the file says about the columns of a log; one temperature is that of all joints."""
     columns = columns_in_file(entry, folder, other)
-    inputs = columns.get("inputs", {})
-    if robot is not None and isinstance(inputs.get(TEMPERATURE), str):
-        inputs[TEMPERATURE] = [inputs[TEMPERATURE]] * robot.on_fixed_base.size
+    warm, q = columns.get("temperature"), columns["q"]
+    if robot is not None and isinstance(warm, str):
+        warm = [warm] * robot.on_fixed_base.size
+    if isinstance(entry.files, dict) and isinstance(warm, list):
+        own = "temperature" if "temperature" in entry.files else "q"
+        warm = {"file": q.get("file", "q") if isinstance(q, dict) else own, "columns": warm}
+    columns |= {} if warm is None else {"temperature": warm}
     return {
         "columns": columns,
         "units": entry.units.model_dump(exclude_unset=True),

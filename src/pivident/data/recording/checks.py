@@ -37,8 +37,6 @@ DOMINANCE = 10
 CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link", "dq")
 #: What stands beside them for each sample and joint.
 BESIDE = ("wrench_torque", "valid", "weights", "temperature")
-#: Input that carries the temperatures while a log is read.
-TEMPERATURE = "motor temperature"
 #: Which instant a torque sample belongs to, see `Recording.torque_timing`.
 TorqueTiming = Literal["held", "averaged", "sampled"]
 #: The same in words.

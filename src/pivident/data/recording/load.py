@@ -22,7 +22,7 @@ from pivident.data.logs.source_files import SupportsColumns
 from pivident.data.logs.torque_scale import torque_scales
 from pivident.data.logs.units import UnitSpec, check_kind
 from pivident.data.recording import checks
-from pivident.data.recording.checks import BESIDE, TEMPERATURE, RecordingOptions
+from pivident.data.recording.checks import BESIDE, RecordingOptions
 from pivident.data.recording.clock import Clock, beside_torque, on_one_clock
 from pivident.data.recording.measured_wrenches import with_wrenches
 from pivident.data.recording.recording import CHANNELS, Recording
@@ -262,7 +262,7 @@ def _recording(
     content["inputs"] = {
         key.removeprefix("inputs."): logged[key] for key in logged if key.startswith("inputs.")
     }
-    content["temperature"] = content["inputs"].pop(TEMPERATURE, None)
+    content["temperature"] = logged.get("temperature")
     content["torque_scale"] = torque_scales(said.units.get("tau"), joint_names)
     left_out = left_out_sentences(log.bad, joint_names, len(stamps["q"]))
     content |= {"start_time": found.start, "notes": (*log.dropped, *left_out, *found.notes)}
@@ -292,7 +292,7 @@ def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str,
             raise RecordingError(
                 f"{name} is {given!r}", advice=f"give a table by channel, such as {tables[name]}"
             )
-    known_tables = (*CHANNELS, "t", "inputs", *TABLES)
+    known_tables = (*CHANNELS, "temperature", "t", "inputs", *TABLES)
     unknown = [key for key in columns if key not in known_tables]
     if unknown:
         raise RecordingError(

@@ -59,7 +59,8 @@ def check_columns(
     columns: Mapping[str, Any], units: Mapping[str, Any], robot: Robot | None
 ) -> list[Finding]:
     """Compare what a file says its columns are with what they are called."""
-    named = {channel: _names(spec) for channel, spec in columns.items() if channel != "inputs"}
+    others = ("inputs", "temperature")  # of any quantity, and of several joints at once
+    named = {key: _names(spec) for key, spec in columns.items() if key not in others}
     findings = [*_used_twice(named)]
     joints = robot.on_fixed_base.joint_names if robot else ()  # no log has a base's joints
     for channel, names in named.items():

@@ -18,7 +18,6 @@ import numpy as np
 from pivident.data.logs.file_columns import read_columns
 from pivident.data.logs.log import Log
 from pivident.data.logs.timestamps import LOWEST_RATE
-from pivident.data.recording.checks import TEMPERATURE
 from pivident.data.recording.recording import Recording
 from pivident.data.recording.usable_samples import filled
 from pivident.dynamics.base_parameters import base_parameters
@@ -110,7 +109,7 @@ def check_log(
         whole = {key: filled(values, key != "tau") for key, values in log.channels.items()}
         every = _with_other_columns(replace(log, channels=whole), entry, folder)
         stretch, timing = _without_gaps(every, audit.timing, failure)
-        has_inputs = entry.columns is not None and bool({*entry.columns.inputs} - {TEMPERATURE})
+        has_inputs = entry.columns is not None and bool(entry.columns.inputs)
         if entry.columns is not None:
             named = entry.columns.model_dump(exclude_unset=True)
             remarks += _placed(check_unnamed_torque(named, every.columns), place)

@@ -42,7 +42,7 @@ from pivident.robot.naming import nearest
 #: Kinds of causes that a size corrects.
 CORRECTED = (
     "delay", "geometry", "gear ratio", "torque gain", "zero position", "position scale", "encoder",
-    "encoder coupling", "wrench frame", "wrench gain", WARMTH,
+    "encoder coupling", "wrench frame", "wrench gain",
 )  # fmt: skip
 
 #: What to do about the others.
@@ -52,8 +52,9 @@ INSTEAD = {
     "missing parameter": "estimate it, too ([identify] parameters)",
     "backlash": "its size alone does not correct it",
     "torque ripple": "its size alone does not correct it",
-    "warming up": "name columns of temperature ([identify] temperature), or identify shorter parts "
-    "of the record",
+    "warming up": "log temperatures ([identify] temperature), or identify shorter parts of the "
+    "record",
+    WARMTH: "name the columns of temperature ([identify] temperature), which corrects it",
     "offset drift": "identify shorter parts of the record",
     "offset jump": "identify the parts before and after it apart",
     "load drift": "identify shorter parts of the record",
@@ -84,7 +85,7 @@ class Corrections(Displayed):
         size: by how much, each in the unit of its cause, one after the other, shape (columns,).
         covariance: of ``size``, shape (columns, columns).
         alike: other causes that the record cannot tell from one of them, by its words.
-        left_out: joints whose temperature does not explain their friction.
+        left_out: temperatures that do not explain the friction of their joints.
     """
 
     problem: Problem
@@ -92,7 +93,7 @@ class Corrections(Displayed):
     size: np.ndarray
     covariance: np.ndarray
     alike: Mapping[str, tuple[Cause, ...]] = field(default_factory=dict)
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[Cause, ...] = ()
 
     def on(self, recordings: Sequence[Recording]) -> tuple[Recording, ...]:
         """Other recordings of the same machine, corrected likewise."""
@@ -121,7 +122,11 @@ class Corrections(Displayed):
 
     def findings(self) -> tuple[Finding, ...]:
         """A note on each correction with its interval; a warning where another one may be right."""
-        found = [_left_out(name) for name in self.left_out]
+        found = [
+            Finding("note", "correction", c.kind, f"The friction of {c.subject} does not follow "
+                    f"its {c.what}, and is not corrected.", c.subject)
+            for c in self.left_out
+        ]  # fmt: skip
         for cause in self.causes:
             size, std = (x.tolist() for x in self.of(cause))
             number = range(1, cause.count + 1)
@@ -202,8 +207,7 @@ def corrections(
         numbers += added
         chosen += [tests.causes[k] for k in added]
         known = {str(cause) for cause in chosen}
-        cold = [c for c in tests.causes if c.kind == WARMTH and str(c) not in known]
-        left_out = tuple(cause.subject for cause in cold)
+        left_out = tuple(c for c in tests.causes if c.kind == WARMTH and str(c) not in known)
         if not chosen:
             return Corrections(problem, (), size, np.zeros((0, 0)), left_out=left_out)
         step, covariance, shown = _step(tests, numbers)
@@ -313,12 +317,6 @@ def _further(
                 score.cause for score in alternatives(able[best], able.values())
             )
     return added
-
-
-def _left_out(joint: str) -> Finding:
-    """A note on a temperature that explains nothing."""
-    text = f"The temperature of {joint} explains nothing of its friction, which is not corrected."
-    return Finding("note", "correction", WARMTH, text, joint)
 
 
 def _check_kinds(kinds: Sequence[str]) -> None:

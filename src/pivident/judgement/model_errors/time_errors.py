@@ -198,7 +198,8 @@ def reference_temperatures(problem: Problem) -> np.ndarray:
         problem: with a temperature in every recording.
 
     Raises:
-        ExperimentError: a recording has none, or the reference is in another unit than theirs.
+        ExperimentError: a recording has none, none changes, or the reference is in another unit
+            than theirs.
     """
     for recording in problem.recordings:
         if recording.temperature is None:
@@ -206,8 +207,14 @@ def reference_temperatures(problem: Problem) -> np.ndarray:
                 f"recording {recording.name!r} has no temperature",
                 advice="name columns that all runs have, or leave this run out",
             )
-    mean = np.concatenate([np.asarray(r.temperature) for r in problem.recordings]).mean(axis=0)
+    every = np.concatenate([np.asarray(r.temperature) for r in problem.recordings])
+    mean = every.mean(axis=0)
     given, base = problem.reference_temperature, problem.robot.base_joints
+    if not np.ptp(every[:, base:], axis=0).any():
+        raise ExperimentError(
+            f"the temperatures are {mean[base]:.4g} throughout, which shows no change of friction",
+            advice="record from a cold start, or leave temperature out",
+        )
     if given is None:
         return np.asarray(mean)
     if np.abs(given - mean[base:]).max() > FAR:
@@ -260,12 +267,14 @@ def _warmth(problem: Problem, j: int, own: Sequence[Parameter], reference: float
 
         return replace(given, recordings=tuple(map(cooled, given.recordings)))
 
+    every = np.concatenate([np.asarray(r.temperature)[:, j] for r in problem.recordings])
+    what = f"temperature of {every.min():.3g} to {temperature_text(float(every.max()))}"
     name = problem.robot.joint_names[j]
     phrase = f"the friction of {name} changes with its temperature, {{size}}; it holds at "
     return Cause(
         WARMTH,
         name,
-        "change of friction with temperature",
+        what,
         "",
         columns,
         len(own),

@@ -8,7 +8,7 @@ A result from its files, with what is stored beside it that a prediction can be 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 from pivident.data.logs.described_log import bare_log
 from pivident.data.logs.log import Log
 from pivident.data.logs.read_log import read_log
-from pivident.data.recording.checks import TEMPERATURE
 from pivident.data.recording.load import OF_LOGGER, load_recording, recording_from
 from pivident.data.recording.recording import Recording
 from pivident.dynamics.friction import FrictionWarming
@@ -262,9 +261,9 @@ def _read(
     Without its torque where it has none; ``whole``: what is read of it [s], None: all.
     """
     known = dict(reading) | {"robot": robot} | _channels(reading, CHANNELS)
-    warm = reading["columns"].get("inputs", {}).get(TEMPERATURE)
+    warm = reading["columns"].get("temperature")
     if warm is not None and _has(files, warm):
-        known["columns"] |= {"inputs": {TEMPERATURE: warm}}
+        known["columns"] |= {"temperature": warm}
 
     def one(part: Part | None) -> Recording:
         part = part or whole
@@ -303,13 +302,13 @@ def _has_some_torque(files: Any, known: Mapping[str, Any]) -> bool:
     beside = {} if not isinstance(spec, Mapping) or "file" not in spec else {"file": spec["file"]}
     listed = spec["columns"] if isinstance(spec, Mapping) else spec
     columns = [] if isinstance(listed, str) else listed
-    return any(_has(files, [column], **beside) for column in columns)
+    return any(_has(files, beside | {"columns": [column]}) for column in columns)
 
 
-def _has(files: Any, columns: Sequence[str], **beside: str) -> bool:
-    """Whether the log has columns of these names."""
+def _has(files: Any, spec: Any) -> bool:
+    """Whether the log has the columns of a channel."""
     try:
-        read_log(files, {"tau": {"columns": list(columns), **beside}})
+        read_log(files, {"tau": spec})
     except UnknownColumn:
         return False
     return True

@@ -14,7 +14,7 @@ from pivident.estimation.method import Method
 from pivident.estimation.methods import WITHOUT_TORQUE
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import checked, errors_name, plain_form, toml_content
-from pivident.experiment.missing_torque import is_without_torque, with_input
+from pivident.experiment.missing_torque import is_without_torque, with_columns
 from pivident.robot.naming import ROBOT_FILES
 from pivident.studies.many.fleet.fleet_keys import FleetEntry, FleetFile, as_template
 from pivident.studies.many.fleet.logs import FleetLog
@@ -76,7 +76,7 @@ class Template:
     def experiment_of(self, log: FleetLog) -> Experiment:
         """The experiment of one log."""
         (entry,) = self.content.recording
-        entry = with_input(entry, self.fleet.temperature)
+        entry = with_columns(entry, temperature=self.fleet.temperature)
         entries = []
         for record in log.records:
             files = {key: str(Path(path).absolute()) for key, path in record}
