@@ -167,7 +167,7 @@ def kinds_of(names: Sequence[str]) -> tuple[str, ...]:
 def corrections(
     problem: Problem,
     method: Method | str,
-    kinds: Sequence[str],
+    kinds: Sequence[str] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Corrections:
     """Estimate the causes of some kinds that the record shows, together with the parameters.
