@@ -32,19 +32,18 @@ from pivident.estimation.method import Method
 from pivident.estimation.methods import METHODS, WITHOUT_TORQUE
 from pivident.estimation.problem import Problem
 from pivident.experiment.explained import errors_name, toml_content, validated
-from pivident.experiment.file_keys import ExperimentFile, RecordingEntry
+from pivident.experiment.file_keys import ExperimentFile
 from pivident.experiment.identify_table import (
     IdentifyEntry,
     median_finding,
     method_of,
 )
-from pivident.experiment.missing_torque import check_torque, is_without_torque, with_columns
+from pivident.experiment.missing_torque import check_torque, is_without_torque, with_temperature
 from pivident.experiment.recording_tables import loop_of, one_by_one, run_of
 from pivident.experiment.robot_table import FRICTION_KEYS, robot_of
 from pivident.foundation.errors import (
     ExperimentError,
     IdentificationError,
-    concerning,
     require_known,
 )
 from pivident.foundation.text.display import Displayed
@@ -304,8 +303,7 @@ def problem_of(
         reference_temperature=entry.reference_temperature,
     )  # fmt: skip
     if entry.temperature is not None:
-        with concerning("identify", "temperature"):
-            reference_temperatures(problem)
+        reference_temperatures(problem)
     return problem
 
 
@@ -344,13 +342,8 @@ def load_experiment(path: str | Path) -> Experiment:
 
 def with_every_run(content: ExperimentFile, folder: Path) -> ExperimentFile:
     """The tables with one recording for each file of a pattern."""
-
-    def every(entries: Sequence[RecordingEntry]) -> list[RecordingEntry]:
-        runs = one_by_one(entries, folder)
-        own = [(e.columns and e.columns.temperature) or content.identify.temperature for e in runs]
-        return [with_columns(e, temperature=x) for e, x in zip(runs, own, strict=True)]
-
-    unseen = every(content.validation.recording)
-    validation = content.validation.model_copy(update={"recording": unseen})
-    runs = every(content.recording)
+    warm, validation = content.identify.temperature, content.validation
+    unseen = [with_temperature(entry, warm) for entry in one_by_one(validation.recording, folder)]
+    validation = validation.model_copy(update={"recording": unseen})
+    runs = [with_temperature(entry, warm) for entry in one_by_one(content.recording, folder)]
     return content.model_copy(update={"recording": runs, "validation": validation})

@@ -107,6 +107,12 @@ def _check_ratios(content: ExperimentFile) -> None:
 SENSORS = "torque behind the gear"
 
 
+def with_temperature(entry: RecordingEntry, columns: Any) -> RecordingEntry:
+    """The table of a recording with columns of temperatures, where it has none of its own."""
+    own = entry.columns is not None and entry.columns.temperature
+    return entry if own else with_columns(entry, temperature=columns)
+
+
 def with_columns(entry: RecordingEntry, **columns: Any) -> RecordingEntry:
     """The table of a recording with the columns of further channels; None: as they are."""
     if entry.columns is None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
-from pivident.data.recording.checks import BESIDE, CHANNELS
 from pivident.data.recording.recording import Recording
 from pivident.foundation.errors import ExperimentError, require_kind
 from pivident.foundation.text.sentences import listed
@@ -67,14 +65,5 @@ def reordered(recording: Recording, order: Sequence[int]) -> Recording:
         recording: the recording.
         order: for each new column the index of the one that it comes from.
     """
-    columns = list(order)
-    single = {name: getattr(recording, name) for name in (*CHANNELS, *BESIDE)}
-    moved: dict[str, Any] = {
-        name: values[:, columns] for name, values in single.items() if values is not None
-    }
-    return replace(
-        recording,
-        **moved,
-        joint_names=tuple(recording.joint_names[j] for j in columns),
-        inputs={key: values[:, columns] for key, values in recording.inputs.items()},
-    )
+    names = tuple(recording.joint_names[j] for j in order)
+    return recording.indexed((slice(None), list(order)), joint_names=names)

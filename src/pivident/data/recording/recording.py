@@ -272,16 +272,21 @@ class Recording(Printed):
         Args:
             joints: how many are left out.
         """
+        return self.indexed(np.s_[:, joints:], joint_names=self.joint_names[joints:])
+
+    def indexed(self, where: Any, **others: Any) -> Recording:
+        """The recording with other samples or joints of all signals but the wrenches.
+
+        Args:
+            where: index of the arrays.
+            others: fields that change with it.
+        """
         cut: dict[str, Any] = {
-            channel: None if (values := getattr(self, channel)) is None else values[:, joints:]
+            channel: None if (values := getattr(self, channel)) is None else values[where]
             for channel in (*CHANNELS, *BESIDE)
         }
-        return replace(
-            self,
-            **cut,
-            joint_names=self.joint_names[joints:],
-            inputs={key: values[:, joints:] for key, values in self.inputs.items()},
-        )
+        inputs = {key: values[where] for key, values in self.inputs.items()}
+        return replace(self, **cut, inputs=inputs, **others)
 
     def with_reference_of(self, driven: Recording) -> Recording:
         """The recording with the reference of its last joints, those that have motors.
@@ -380,14 +385,8 @@ class Recording(Printed):
                 f"samples {start} to {stop} do not lie inside recording {self.name!r}, which has "
                 f"samples 0 to {self.samples}"
             )
-        cut: dict[str, Any] = {
-            channel: None if (values := getattr(self, channel)) is None else values[start:stop]
-            for channel in (*CHANNELS, *BESIDE)
-        }
-        return replace(
-            self,
-            **cut,
-            inputs={key: values[start:stop] for key, values in self.inputs.items()},
+        return self.indexed(
+            np.s_[start:stop],
             wrenches=tuple(replace(w, values=w.values[start:stop]) for w in self.wrenches),
             start_time=self.start_time + start / self.rate,
             allow_constant=True,

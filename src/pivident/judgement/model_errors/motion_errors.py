@@ -341,6 +341,17 @@ def _play(name: str, j: int, turns: bool) -> Cause:
     return _behind_motor(name, j, "backlash", "play behind the motor", unit, error, MILLI)
 
 
+def with_torques(problem: Problem, j: int, made: Callable[[Recording], np.ndarray]) -> Problem:
+    """The problem with other torques of one joint; ``made``: these, shape (samples,)."""
+
+    def corrected(recording: Recording) -> Recording:
+        tau = recording.tau.copy()
+        tau[:, j] = made(recording)
+        return replace(recording, tau=tau)
+
+    return replace(problem, recordings=tuple(map(corrected, problem.recordings)))
+
+
 def with_positions(problem: Problem, j: int, change: Correct, ref: bool = True) -> Problem:
     """The problem with one joint's positions corrected, and its reference with them."""
 

@@ -16,7 +16,7 @@ and fv and fc are those at T₀ once the torque of β has been taken out of the 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -33,6 +33,7 @@ from pivident.foundation.common_work import once
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.numbers import format_significant
 from pivident.judgement.model_errors.cause import NEGLIGIBLE, Cause, Columns, RecordMotion, on_joint
+from pivident.judgement.model_errors.motion_errors import with_torques
 from pivident.loop.motion.motion import Kinematics
 from pivident.robot.description import Robot
 from pivident.robot.joints import Joint
@@ -202,11 +203,12 @@ def reference_temperatures(problem: Problem) -> np.ndarray:
             than theirs.
     """
     for recording in problem.recordings:
+        recording.require_torque("the change of friction with temperature is found")
         if recording.temperature is None:
             raise ExperimentError(
                 f"recording {recording.name!r} has no temperature",
                 advice="name columns that all runs have, or leave this run out",
-            )
+            ).about("identify", "temperature")
     every = np.concatenate([np.asarray(r.temperature) for r in problem.recordings])
     mean = every.mean(axis=0)
     given, base = problem.reference_temperature, problem.robot.base_joints
@@ -214,7 +216,7 @@ def reference_temperatures(problem: Problem) -> np.ndarray:
         raise ExperimentError(
             f"the temperatures are {mean[base]:.4g} throughout, which shows no change of friction",
             advice="record from a cold start, or leave temperature out",
-        )
+        ).about("identify", "temperature")
     if given is None:
         return np.asarray(mean)
     if np.abs(given - mean[base:]).max() > FAR:
@@ -245,9 +247,8 @@ def _warmth(problem: Problem, j: int, own: Sequence[Parameter], reference: float
     """(T - T₀) times the columns of some friction parameters of one joint."""
 
     def torques(recording: Recording, seconds: np.ndarray, dq: np.ndarray) -> list[np.ndarray]:
-        assert recording.temperature is not None, "the reference needs it"
         t = np.arange(recording.samples) / recording.rate
-        w = np.interp(seconds, t, recording.temperature[:, j]) - reference
+        w = np.interp(seconds, t, np.asarray(recording.temperature)[:, j]) - reference
         return [w * friction_column(p.friction, dq) for p in own if p.friction is not None]
 
     def columns(motion: RecordMotion) -> np.ndarray:
@@ -255,17 +256,17 @@ def _warmth(problem: Problem, j: int, own: Sequence[Parameter], reference: float
         return on_joint(j, torques(recording, seconds, motion.dq[j]), motion)
 
     def correct(given: Problem, size: np.ndarray) -> Problem:
-        def cooled(recording: Recording) -> Recording:
-            tau, k = recording.tau.copy(), np.arange(recording.samples)
+        def cooled(recording: Recording) -> np.ndarray:
+            k = np.arange(recording.samples)
             late = k + torque_shift(
                 recording.rate, recording.torque_timing, control_rate=recording.control_rate,
                 delay=recording.delay - recording.drive_delay,
             )  # fmt: skip
             dq = np.interp(late, k, speeds_of(recording)[j])
-            tau[:, j] -= size @ torques(recording, late / recording.rate, dq)
-            return replace(recording, tau=tau)
+            added = size @ torques(recording, late / recording.rate, dq)
+            return np.asarray(recording.tau[:, j] - added)
 
-        return replace(given, recordings=tuple(map(cooled, given.recordings)))
+        return with_torques(given, j, cooled)
 
     every = np.concatenate([np.asarray(r.temperature)[:, j] for r in problem.recordings])
     what = f"temperature of {every.min():.3g} to {temperature_text(float(every.max()))}"

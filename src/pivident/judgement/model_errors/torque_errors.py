@@ -30,7 +30,7 @@ from pivident.judgement.model_errors.cause import (
     RecordMotion,
     on_joint,
 )
-from pivident.judgement.model_errors.motion_errors import PERCENT, with_positions
+from pivident.judgement.model_errors.motion_errors import PERCENT, with_positions, with_torques
 from pivident.robot.description import Robot
 from pivident.robot.friction_column import names_in
 from pivident.robot.friction_terms import TERM_KINDS
@@ -136,13 +136,7 @@ def _ripple(name: str, j: int, order: float, unit: str) -> Cause:
 
 def with_gain(problem: Problem, j: int, percent: float) -> Problem:
     """The problem with one joint's torques divided by a gain that is off by some percent."""
-
-    def corrected(recording: Recording) -> Recording:
-        tau = recording.tau.copy()
-        tau[:, j] /= 1.0 + PERCENT * percent
-        return replace(recording, tau=tau)
-
-    return replace(problem, recordings=tuple(corrected(r) for r in problem.recordings))
+    return with_torques(problem, j, lambda r: r.tau[:, j] / (1.0 + PERCENT * percent))
 
 
 def with_delay(problem: Problem, joint: int | None, delay: float) -> Problem:
@@ -152,17 +146,17 @@ def with_delay(problem: Problem, joint: int | None, delay: float) -> Problem:
     joint's own is taken out of its torques.
     """
 
-    def corrected(recording: Recording) -> Recording:
-        if joint is None:
-            total = recording.delay - recording.drive_delay + delay
-            return replace(recording, delay=max(total, 0.0), drive_delay=max(-total, 0.0))
-        tau = recording.tau.copy()
-        t = np.arange(len(tau)) / recording.rate
-        wanted = np.clip(t + delay, t[0], t[-1])
-        tau[:, joint] = cubic_spline(t, tau[:, joint])(wanted)
-        return replace(recording, tau=tau)
+    def declared(recording: Recording) -> Recording:
+        total = recording.delay - recording.drive_delay + delay
+        return replace(recording, delay=max(total, 0.0), drive_delay=max(-total, 0.0))
 
-    return replace(problem, recordings=tuple(corrected(r) for r in problem.recordings))
+    def moved(recording: Recording) -> np.ndarray:
+        t = np.arange(recording.samples) / recording.rate
+        return cubic_spline(t, recording.tau[:, joint])(np.clip(t + delay, t[0], t[-1]))
+
+    if joint is None:
+        return replace(problem, recordings=tuple(map(declared, problem.recordings)))
+    return with_torques(problem, joint, moved)
 
 
 def spring_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
