@@ -41,13 +41,8 @@ from pivident.experiment.identify_table import (
 from pivident.experiment.missing_torque import check_torque, is_without_torque, with_temperature
 from pivident.experiment.recording_tables import loop_of, one_by_one, run_of
 from pivident.experiment.robot_table import FRICTION_KEYS, robot_of
-from pivident.foundation.errors import (
-    ExperimentError,
-    IdentificationError,
-    require_known,
-)
+from pivident.foundation.errors import ExperimentError, IdentificationError, require_known
 from pivident.foundation.text.display import Displayed
-from pivident.judgement.model_errors.time_errors import reference_temperatures
 from pivident.loop.motion.law_torque import with_law_torque
 from pivident.loop.simulation.control_loop import Loop
 from pivident.models.consistency.options import ConsistencyOptions, free_methods, made_consistent
@@ -295,16 +290,13 @@ def problem_of(
 ) -> Problem:
     """What the table ``[identify]`` wants to be estimated from recordings."""
     names = None if entry.parameters is None else tuple(entry.parameters)
-    problem = Problem(
+    return Problem(
         robot, tuple(recordings), loop, parameters=names, mask=entry.mask, initial=entry.initial,
         fixed=entry.fixed, bounds=entry.bounds, priors=entry.priors,
         constraints=[(c.coefficients, c.value) for c in entry.constraints],
         weights=entry.weights or None, without_equation=tuple(entry.without_equation),
         reference_temperature=entry.reference_temperature,
     )  # fmt: skip
-    if entry.temperature is not None:
-        reference_temperatures(problem)
-    return problem
 
 
 def load_experiment(path: str | Path) -> Experiment:

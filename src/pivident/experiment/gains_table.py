@@ -94,13 +94,12 @@ def gains_of(
         bare = tuple(without_sensors(r) for r in recordings)
         problem = replace(problem, recordings=bare)
         if given.temperature is not None:
-            warmth = None
-            if given.temperature != "time":
-                warmth = [np.asarray(r.temperature) for r in recordings]
+            timed = given.temperature == "time"
+            warmth = [r.t if timed else np.asarray(r.temperature) for r in recordings]
             # at constant load: what the payload changes must not pass for warmth
             temperatures = identify_motor_temperature(
                 replace(problem, recordings=bare[:count]),
-                None if warmth is None else warmth[:count],
+                None if timed else warmth[:count],
                 given.reference_temperature,
                 given.friction_drift,
             )
@@ -227,17 +226,16 @@ def _with_columns(entry: RecordingEntry, given: GainsEntry) -> RecordingEntry:
 
 def _corrected(
     recordings: Sequence[Recording],
-    warmth: Sequence[np.ndarray] | None,
+    warmth: Sequence[np.ndarray],
     robot: Robot,
     temperatures: Sequence[MotorTemperature],
 ) -> tuple[Recording, ...]:
     """The recordings at the reference temperature, as far as a coefficient is worth it."""
     coefficients = [t.coefficient if t.is_significant else 0.0 for t in temperatures]
     reference = [t.reference for t in temperatures]
-    given = [r.t for r in recordings] if warmth is None else warmth
     return tuple(
         at_reference_temperature(r, robot.transmission, coefficients, values, reference)
-        for r, values in zip(recordings, given, strict=True)
+        for r, values in zip(recordings, warmth, strict=True)
     )
 
 

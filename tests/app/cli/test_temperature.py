@@ -1,6 +1,7 @@
 """`pivident identify` with columns of temperature, from the log to predictions."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -55,6 +56,17 @@ def test_the_verdict_states_the_change_and_predictions_follow_it(tmp_path, capsy
             text := capsys.readouterr().out
         )
         assert said in text
+
+
+def test_validation_recordings_are_brought_to_the_same_temperature(tmp_path, capsys):
+    lines = EXPERIMENT.partition("[recording]\n")[2].splitlines()[:2]
+    unseen = "\n".join(["[[validation.recording]]", *lines]).replace("log.csv", "new.csv")
+    write(tmp_path, name="new.csv", seed=1)
+    path = write(tmp_path, EXPERIMENT + unseen)
+    assert main(["identify", str(path), "--out", str(tmp_path / "out")]) == 0
+    screen = capsys.readouterr().out
+    error = re.search(r"Torque on motion that was not fitted: (\S+) % off", screen)
+    assert error is not None and float(error[1]) < 1.0
 
 
 @pytest.mark.parametrize(

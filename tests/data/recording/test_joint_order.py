@@ -34,12 +34,14 @@ def exchanged(recording):
 
 
 def test_all_channels_change_places_together():
-    one = record()
+    beside = np.linspace(1.0, 2.0, 2 * record().samples).reshape(-1, 2)
+    one = replace(record(), weights=beside, temperature=20.0 * beside)
     other = exchanged(one)
     assert other.joint_names == ("elbow", "shoulder")
     for mine, theirs in zip(one.channels().values(), other.channels().values(), strict=True):
         np.testing.assert_array_equal(mine, theirs[:, ::-1])
-    np.testing.assert_array_equal(one.valid, other.valid[:, ::-1])
+    for name in ("valid", "weights", "temperature"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name)[:, ::-1])
     back = in_order_of(ROBOT, other)
     assert back.joint_names == ROBOT.joint_names
     np.testing.assert_array_equal(back.tau, one.tau)

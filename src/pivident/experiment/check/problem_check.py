@@ -35,6 +35,7 @@ from pivident.foundation.files import check_output
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Topic
 from pivident.foundation.text.repair import Edit, Place, Repair
 from pivident.foundation.text.sentences import capital, sentence_of
+from pivident.judgement.model_errors.time_errors import reference_temperatures
 from pivident.judgement.validation.divergence_cause import missing_inertia
 from pivident.judgement.validation.held_out.folds import Division, division_of
 from pivident.loop.motion.planted_feet import on_planted_feet
@@ -147,7 +148,10 @@ class ProblemCheck:
                 return None
             fitted = list(planted)
         try:
-            return problem_of(given, robot, fitted, loop)
+            problem = problem_of(given, robot, fitted, loop)
+            if given.temperature is not None:
+                reference_temperatures(problem)
+            return problem
         except PividentError as error:
             self.remarks.append(of_error(error, "file", ("identify",)))
             return None

@@ -111,13 +111,14 @@ class Corrections(Displayed):
     @property
     def friction_warming(self) -> tuple[FrictionWarming, ...]:
         """Changes of friction with temperature, one for each joint that has one."""
+        names = self.problem.robot.joint_names
+        own = [(cause, x) for cause in self.causes if (x := cause.reference) is not None]
         return tuple(
             FrictionWarming(
-                cause.subject, cause.reference, tuple(name for name, _ in cause.parts),
+                cause.subject, reference, tuple(name for name, _ in cause.parts),
                 *(tuple(x.tolist()) for x in self.of(cause)),
             )
-            for cause in self.causes
-            if cause.reference is not None
+            for cause, reference in sorted(own, key=lambda pair: names.index(pair[0].subject))
         )  # fmt: skip
 
     def findings(self) -> tuple[Finding, ...]:

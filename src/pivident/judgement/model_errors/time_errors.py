@@ -202,14 +202,7 @@ def reference_temperatures(problem: Problem) -> np.ndarray:
         ExperimentError: a recording has none, none changes, or the reference is in another unit
             than theirs.
     """
-    for recording in problem.recordings:
-        recording.require_torque("the change of friction with temperature is found")
-        if recording.temperature is None:
-            raise ExperimentError(
-                f"recording {recording.name!r} has no temperature",
-                advice="name columns that all runs have, or leave this run out",
-            ).about("identify", "temperature")
-    every = np.concatenate([np.asarray(r.temperature) for r in problem.recordings])
+    every = np.concatenate([_temperature(recording) for recording in problem.recordings])
     mean = every.mean(axis=0)
     given, base = problem.reference_temperature, problem.robot.base_joints
     if not np.ptp(every[:, base:], axis=0).any():
@@ -226,6 +219,17 @@ def reference_temperatures(problem: Problem) -> np.ndarray:
             advice="give it in the unit of the log: 25 °C are 298 K",
         ).about("identify", "reference_temperature")
     return np.full(mean.shape, float(given))
+
+
+def _temperature(recording: Recording) -> np.ndarray:
+    """That of a recording, refused where there is none, or no torque that would change with it."""
+    recording.require_torque("the change of friction with temperature is found")
+    if recording.temperature is None:
+        raise ExperimentError(
+            f"recording {recording.name!r} has no temperature",
+            advice="name columns that all runs have, or leave this run out",
+        ).about("identify", "temperature")
+    return recording.temperature
 
 
 def temperature_causes(problem: Problem) -> Iterator[Cause]:
@@ -248,7 +252,7 @@ def _warmth(problem: Problem, j: int, own: Sequence[Parameter], reference: float
 
     def torques(recording: Recording, seconds: np.ndarray, dq: np.ndarray) -> list[np.ndarray]:
         t = np.arange(recording.samples) / recording.rate
-        w = np.interp(seconds, t, np.asarray(recording.temperature)[:, j]) - reference
+        w = np.interp(seconds, t, _temperature(recording)[:, j]) - reference
         return [w * friction_column(p.friction, dq) for p in own if p.friction is not None]
 
     def columns(motion: RecordMotion) -> np.ndarray:
@@ -268,7 +272,7 @@ def _warmth(problem: Problem, j: int, own: Sequence[Parameter], reference: float
 
         return with_torques(given, j, cooled)
 
-    every = np.concatenate([np.asarray(r.temperature)[:, j] for r in problem.recordings])
+    every = np.concatenate([_temperature(r)[:, j] for r in problem.recordings])
     what = f"temperature of {every.min():.3g} to {temperature_text(float(every.max()))}"
     name = problem.robot.joint_names[j]
     phrase = f"the friction of {name} changes with its temperature, {{size}}; it holds at "
