@@ -211,7 +211,8 @@ def summary_of(
     text = values.why
     if values.answer != "yes" and torques.answer != "no":
         text += "; of the others trust the torques, not single values"
-    text += ". ± is the 95 % interval"
+    by_law = any((s.topic, s.kind) in ANSWERED_BY for s in reservations)
+    text += ". ± is the 95 % interval" + " under the assumed friction law" * by_law
     repairs = [Item(t.cause, effect=t.effect) for t in diagnostics.trials if t.wins]
     further = [_item(s) for s in reservations if not s.repairs]
     items = repairs or further  # what a fault of the log makes of the rest is not known yet
