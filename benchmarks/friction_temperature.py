@@ -39,7 +39,8 @@ from pivident.judgement.model_errors.corrections import (
 )
 from pivident.judgement.validation.held_out.cross_validation import cross_validate
 
-METHODS = ("ls", "piv")
+#: Methods, and whether the control law makes their instruments.
+METHODS = (("ls", False), ("piv", False), ("piv", True))
 #: Fall of friction over the record, and smaller ones that may not be found.
 FALL, SMALLER = 0.3, (0.02, 0.05, 0.1)
 #: Parts of a record that are left out in turn.
@@ -107,9 +108,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for seed in range(given.records):
-            for method in METHODS:
+            for method, looped in METHODS:
                 with shared_work():
-                    one_record(folder, seed, samples, method, held, errors)
+                    one_record(folder, seed, samples, method, looped, held, errors)
             print(f"record {seed + 1} of {given.records}", file=sys.stderr)
     for text, flags in sorted(held.items()):
         print(f"{text}: {share(flags)}")
@@ -122,38 +123,37 @@ def one_record(
     seed: int,
     samples: int,
     method: str,
+    looped: bool,
     held: dict[str, list[bool]],
     errors: dict[str, list[float]],
 ) -> None:
     """Add what one record says of one method."""
-    steady = arm.problem(folder, arm.recording(seed, 0.0, samples))
-    own = identify(steady, method)
-    held[f"{method}: friction without a change held"] += friction_held(own, arm.truth(0.0, samples))
-    held[f"{method}: found where there is none"].append(bool(corrections(steady, method).causes))
-    errors[f"{method}: held-out error without a change [%]"].append(held_out(steady, method))
-    recording = arm.recording(seed, FALL, samples)
+    steady = arm.problem(folder, arm.recording(seed, 0.0, samples), looped=looped)
+    own, title = identify(steady, method), method + ", control law known" * looped
+    held[f"{title}: friction without a change held"] += friction_held(own, arm.truth(0.0, samples))
+    held[f"{title}: found where there is none"].append(bool(corrections(steady, method).causes))
+    errors[f"{title}: held-out error without a change [%]"].append(held_out(steady, method))
+    record = arm.recording(seed, FALL, samples)
     for words, reference in (("mean", None), ("first", arm.START)):
-        problem = arm.problem(folder, recording, reference_temperature=reference)
+        problem = arm.problem(folder, record, looped=looped, reference_temperature=reference)
         made = corrections(problem, method)
         found = with_corrections(identify(made.problem, method), made)
         truth = arm.truth(FALL, samples, reference)
-        held[f"{method}: friction at the {words} temperature held"] += friction_held(found, truth)
+        held[f"{title}: friction at the {words} temperature held"] += friction_held(found, truth)
         if reference is None:
-            held[f"{method}: change per kelvin held"] += changes_held(made, FALL)
+            held[f"{title}: change per kelvin held"] += changes_held(made, FALL)
             names = [cause.subject for cause in made.causes]
-            held[f"{method}: both joints found, and no other"].append(sorted(names) == ["j1", "j2"])
-            errors[f"{method}: held-out error, not corrected [%]"].append(held_out(problem, method))
-            errors[f"{method}: held-out error, corrected [%]"].append(
-                held_out(made.problem, method)
-            )
-            if seed < LEAKS:
-                errors[f"{method}: held-out error by a change from all parts over its own"].append(
+            held[f"{title}: both joints found, and no other"].append(sorted(names) == ["j1", "j2"])
+            errors[f"{title}: held-out error, not corrected [%]"].append(held_out(problem, method))
+            errors[f"{title}: held-out error, corrected [%]"].append(held_out(made.problem, method))
+            if seed < LEAKS and not looped:
+                errors[f"{title}: held-out error by a change from all parts over its own"].append(
                     leak(problem, method)
                 )
-    for fall in SMALLER:
+    for fall in SMALLER if not looped else ():
         weak = arm.problem(folder, arm.recording(seed, fall, samples))
         names = [cause.subject for cause in corrections(weak, method).causes]
-        held[f"{method}: joints found that fall by {100 * fall:.0f} %"] += [
+        held[f"{title}: joints found that fall by {100 * fall:.0f} %"] += [
             joint in names for joint in ("j1", "j2")
         ]
 

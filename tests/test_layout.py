@@ -34,7 +34,7 @@ MAX_STATEMENTS = 75_673
 MAX_MODULES = 750
 #: Modules that `identify` needs, those that a registry names included: a file for each method and
 #: each friction term, joints that are found by name, estimates with their table, and progress.
-MAX_MODULES_OF_IDENTIFY = 196
+MAX_MODULES_OF_IDENTIFY = 193
 
 #: Parts of packages with a budget of their own.
 PARTS = (

@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 from scipy.signal import cont2discrete, lfilter
 
 from pivident.foundation.errors import IdentificationError, UnstableFit
+from pivident.linear import order_selection
 from pivident.linear.order_selection import OrderCandidate, OrderTable, select_orders
 from pivident.linear.srivc import rivc, srivc
 
@@ -83,6 +84,24 @@ def test_where_it_lacks_it_is_named(scale):
     model = srivc(u - (1 - scale) * U_0, y - (1 - scale) * Y_0, PERIOD, 0, 2)
     assert any("offset=True" in warning for warning in model.warnings)
     assert not any("offset" in w for w in srivc(*record(0), PERIOD, 0, 2, offset=True).warnings)
+    chosen = select_orders(u - (1 - scale) * U_0, y - (1 - scale) * Y_0, PERIOD, [0], [1, 2]).rows[
+        0
+    ]
+    assert chosen.rejected or any("offset=True" in w for w in chosen.estimate.warnings)
+
+
+def test_among_orders_the_chosen_one_alone_is_asked_for_an_offset(monkeypatch):
+    asked = []
+
+    def estimator(*given, offset=False, **options):
+        asked.append(offset)
+        return srivc(*given, offset=offset, **options)
+
+    monkeypatch.setitem(order_selection._ESTIMATORS, "srivc", estimator)
+    u, y = record(0, noise=0.5)  # of which a model explains less than nine tenths
+    table = select_orders(u - U_0, y - KEPT - U_0, PERIOD, [0], [1, 2])
+    assert table.rows[0].score("r2") < 0.9
+    assert asked == [None, None, False]
 
 
 def test_nothing_is_named_at_rest():

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pivident.dynamics.elementary import TILE
 from pivident.dynamics.entry_plan import EntryPlan, has_inner_signal, make_entry_plan
 from pivident.dynamics.friction import friction_column
+from pivident.dynamics.kernels import tree_of
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor_kernels import DENSE, PACKED, TORQUES, observe, tile_rows
 from pivident.foundation.errors import UnusableValue
@@ -108,6 +109,10 @@ class Regressor(Displayed):
         plan = make_entry_plan(robot, parameters, entries)
         inner = [e for e, (_, c) in enumerate(entries) if has_inner_signal(parameters[c])]
         return cls(robot, parameters, row, column, offsets, np.array(inner, dtype=np.int64), plan)
+
+    def in_geometry_of(self, robot: Robot) -> Regressor:
+        """The same entries of a robot that differs in frames of joints and gravity alone."""
+        return replace(self, robot=robot, _plan=self._plan._replace(tree=tree_of(robot)))
 
     def __reduce__(self) -> tuple:
         # plans hold addresses of functions, which another process has elsewhere

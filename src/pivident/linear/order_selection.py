@@ -24,7 +24,7 @@ from pivident.foundation.errors import DelayTooLong, IdentificationError, Unusab
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.model import Hold, poles_with_std
 from pivident.linear.sriv import riv, sriv
-from pivident.linear.srivc import rivc, srivc
+from pivident.linear.srivc import POOR, rivc, srivc
 
 OrderCriterion = Literal["yic", "aic", "bic", "r2"]
 Method = Literal["srivc", "rivc", "sriv", "riv"]
@@ -49,7 +49,7 @@ class EstimatorOptions(TypedDict, total=False):
     hold: Hold  # of srivc and rivc, as the next three
     svf_pole: float | None
     common: bool
-    offset: bool
+    offset: bool | None
     mask: np.ndarray | None  # of sriv and riv, as the next
     fixed_poles: Sequence[complex]
 
@@ -188,8 +188,15 @@ def select_orders(
             "denominator",
             advice="raise denominator_orders",
         )
-    rows = [_candidate(estimator, u, y, dt, m, n, delay, options) for m, n, delay in combinations]
-    return OrderTable(tuple(_ranked(rows, criterion)), criterion)
+    # whether a poor model lacks an offset is asked of the chosen one alone
+    asks = method in ("srivc", "rivc") and not options.get("offset", False)
+    quick: EstimatorOptions = {**options, "offset": None} if asks else options
+    rows = [_candidate(estimator, u, y, dt, *orders, quick) for orders in combinations]
+    first, *others = _ranked(rows, criterion)
+    if asks and not first.rejected and first.score("r2") < POOR:
+        orders = first.numerator_order, first.denominator_order, first.delay
+        first = _candidate(estimator, u, y, dt, *orders, options)
+    return OrderTable((first, *others), criterion)
 
 
 def _candidate(

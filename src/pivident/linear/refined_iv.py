@@ -177,12 +177,16 @@ def _sums(zeta, phi, residual):
                 right[i] += zeta[i, k] * residual[k]
                 of_phi[i] += phi[i, k] * phi[i, k]
             for j in range(size):
-                with_zeta, with_phi = 0.0, 0.0
+                with_phi = 0.0
+                for k in range(start, stop):
+                    with_phi += zeta[i, k] * phi[j, k]
+                cross[i, j] += with_phi
+            for j in range(i + 1):
+                with_zeta = 0.0
                 for k in range(start, stop):
                     with_zeta += zeta[i, k] * zeta[j, k]
-                    with_phi += zeta[i, k] * phi[j, k]
                 of_zeta[i, j] += with_zeta
-                cross[i, j] += with_phi
+                of_zeta[j, i] = of_zeta[i, j]
     return of_zeta, cross, right, of_phi
 
 

@@ -62,7 +62,7 @@ from pivident.signals.noise_models import fit_ar
 #: Starts refined, best first, until one converges.
 _STARTS = 3
 #: Models that explain less of the output are tried with an operating point.
-_POOR = 0.9
+POOR = 0.9
 #: What is said where the operating point lacks.
 _OPERATING_POINT = "the signals have an offset, or the record does not begin at rest"
 _ESTIMATE_IT = "subtract the operating point from u and y, or estimate it with offset=True"
@@ -90,7 +90,7 @@ def srivc(
     max_iterations: int = 50,
     svf_pole: float | None = None,
     common: bool = True,
-    offset: bool = False,
+    offset: bool | None = False,
 ) -> LinearEstimate:
     """Continuous-time model of sampled data.
 
@@ -111,7 +111,9 @@ def srivc(
             several are tried.
         common: whether one denominator serves all inputs.
         offset: whether an offset of the signals and the state at the first sample are estimated,
-            too; else the record begins at rest, and the output is zero where the inputs are.
+            too; else the record begins at rest, and the output is zero where the inputs are. Of a
+            poor model it is then asked whether an offset is what it lacks, and a warning says so;
+            None: it is not asked, which takes half of the time.
 
     Returns:
         The model with its covariance.
@@ -137,7 +139,7 @@ def _estimate(
     data: SampledData,
     structure: Structure,
     refined: Callable[[SampledData, Structure], Refined],
-    offset: bool,
+    offset: bool | None,
 ) -> LinearEstimate:
     """The estimate; where only the operating point lacks, it is said."""
     if offset:
@@ -147,11 +149,11 @@ def _estimate(
         found = refined(data, structure)
         estimate = continuous_estimate(method, data, structure, found)
     except UnstableFit as error:
-        if _explains(data, structure, refined, float(np.mean(data.y**2))):
+        if offset is not None and _explains(data, structure, refined, float(np.mean(data.y**2))):
             raise UnstableFit(error.poles, advice=f"{_OPERATING_POINT}: {_ESTIMATE_IT}") from None
         raise
     share = share_of_operating_point(data, structure, found)
-    poor = not estimate.converged or estimate.fit.r2 < _POOR
+    poor = offset is not None and (not estimate.converged or estimate.fit.r2 < POOR)
     if share < NAMED_SHARE and not (
         poor and _explains(data, structure, refined, float(np.mean(found.residual**2)))
     ):
@@ -356,7 +358,7 @@ def rivc(
     max_iterations: int = 50,
     svf_pole: float | None = None,
     common: bool = True,
-    offset: bool = False,
+    offset: bool | None = False,
 ) -> LinearEstimate:
     """Continuous-time model of sampled data with coloured noise.
 

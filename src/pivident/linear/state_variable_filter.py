@@ -20,9 +20,6 @@ from numba import njit
 
 from pivident.linear.model import Hold
 
-#: States that the recursion sums in parallel.
-_LANES = 4
-
 #: 0.5^15 / 15! is 2e-17.
 _TAYLOR_TERMS = 15
 
@@ -37,12 +34,8 @@ def filtered_derivatives(
     if order == 0:
         out[0] = signal
         return out
-    phi, now, ahead, units = discretised_chain(denominator, dt, hold)
-    padded = -(-order // _LANES) * _LANES
-    columns = np.zeros((order + 2, padded))
-    columns[:order, :order] = phi.T
-    columns[order, :order], columns[order + 1, :order] = now, ahead
-    _run(columns, units, np.asarray(denominator[1:], dtype=float), signal, out)
+    chain = discretised_chain(denominator, dt, hold)
+    _run(*chain, np.asarray(denominator[1:], dtype=float), signal, out)
     return out
 
 
@@ -119,36 +112,35 @@ def combined(weights, rows):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _run(columns, units, denominator, signal, out):
+def _run(phi, now, ahead, units, denominator, signal, out):
     """The recursion from X_0 = 0, into out (order + 1, samples), highest derivative first.
 
-    ``columns`` holds the columns of Φ, then Γ_0 and Γ_1, padded with zeros to whole lanes: four
-    states are summed at a time, which the compiler keeps in one register.
+    What the signal adds, and the units, need no recursion: they are taken for many samples at once.
+    Of one or two states the recursion stays in registers.
     """
     order, samples = units.size, signal.size
-    padded = columns.shape[1]
-    state, following = np.zeros(padded), np.zeros(padded)
-    for k in range(samples):
-        highest = signal[k]
-        for i in range(order):
-            value = units[i] * state[i]
-            out[i + 1, k] = value
-            highest -= denominator[i] * value
-        out[0, k] = highest
-        if k + 1 == samples:
-            break
-        now, ahead = signal[k], signal[k + 1]
-        for i in range(0, padded, _LANES):
-            s0 = columns[order, i] * now + columns[order + 1, i] * ahead
-            s1 = columns[order, i + 1] * now + columns[order + 1, i + 1] * ahead
-            s2 = columns[order, i + 2] * now + columns[order + 1, i + 2] * ahead
-            s3 = columns[order, i + 3] * now + columns[order + 1, i + 3] * ahead
-            for j in range(order):
-                x = state[j]
-                s0 += columns[j, i] * x
-                s1 += columns[j, i + 1] * x
-                s2 += columns[j, i + 2] * x
-                s3 += columns[j, i + 3] * x
-            following[i], following[i + 1], following[i + 2], following[i + 3] = s0, s1, s2, s3
-        for i in range(padded):
-            state[i] = following[i]
+    for i in range(order):
+        out[i + 1, 0] = 0.0
+        for k in range(samples - 1):
+            out[i + 1, k + 1] = now[i] * signal[k] + ahead[i] * signal[k + 1]
+    if order == 1:
+        x = 0.0
+        for k in range(1, samples):
+            x = out[1, k] + phi[0, 0] * x
+            out[1, k] = x
+    elif order == 2:
+        a, b, c, d = phi[0, 0], phi[0, 1], phi[1, 0], phi[1, 1]
+        x, y = 0.0, 0.0
+        for k in range(1, samples):
+            x, y = out[1, k] + a * x + b * y, out[2, k] + c * x + d * y
+            out[1, k], out[2, k] = x, y
+    else:
+        for k in range(1, samples):
+            for i in range(order):
+                for j in range(order):
+                    out[i + 1, k] += phi[i, j] * out[j + 1, k - 1]
+    out[0] = signal
+    for i in range(order):
+        for k in range(samples):
+            out[i + 1, k] *= units[i]
+            out[0, k] -= denominator[i] * out[i + 1, k]

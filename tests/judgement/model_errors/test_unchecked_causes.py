@@ -11,6 +11,7 @@ from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.judgement.diagnostics.diagnostics import diagnose
 from pivident.judgement.diagnostics.verdict import verdict
 from pivident.judgement.model_errors.named_causes import MATTERS, named_causes
+from pivident.judgement.model_errors.score_tests import ScoreTests
 from pivident.judgement.model_errors.unchecked_causes import COMMON, checked_gains
 
 from .faulty_tx40 import causes, right_estimate, right_problem
@@ -74,6 +75,19 @@ def test_the_long_record_checks_what_the_short_one_does_not(found):
     assert len(whole.unchecked) < len(found[2].unchecked)
     # 1 mm there is named, see test_named_causes
     assert AXIS in causes() and AXIS not in {str(one.cause) for one in whole.unchecked}
+
+
+def test_what_one_window_alone_knows_leaves_the_standard_errors_of_the_estimate(found, monkeypatch):
+    def singular(*given):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr(ScoreTests, "covariance", singular)
+    problem, estimate, errors = found
+    gravest = named_causes(problem, estimate).unchecked[0]
+    k = estimate.names.index(gravest.parameter)
+    change = gravest.relative / 100 * abs(estimate.theta[k])
+    assert gravest.shift == pytest.approx(change / estimate.free_std[k])
+    assert gravest.shift >= errors.unchecked[0].shift
 
 
 def test_the_verdict_says_it_without_a_reservation(found):

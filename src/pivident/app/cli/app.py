@@ -151,8 +151,9 @@ def main(tokens: Sequence[str] | None = None) -> int:
     # Matrices are small: threads of the linear algebra would wait for each other, not work.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # A command is short, and what it makes by importing stays: to look through it again and again
-    # for what can be forgotten took a tenth of its time.
-    gc.set_threshold(50_000)
+    # for what can be forgotten took a tenth of its time. Of a quarter of a million things that an
+    # identification makes beside its arrays next to nothing could be.
+    gc.set_threshold(500_000)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a σ must not stop a terminal without it
             stream.reconfigure(errors="replace")

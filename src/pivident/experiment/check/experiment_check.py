@@ -219,8 +219,8 @@ def _refused_standstill(remarks: Sequence[Remark], motionless: Sequence[str]) ->
     move = "moves" if len(motionless) == 1 else "move"
     text = f"Too slow: {listed(motionless)} never {move} faster than the low-speed mask, which "
     text += "leaves no row to fit."
-    step = "Log faster motion, or freeze it (URDF) and leave its columns out; a "
-    step += "smaller mask under [identify] keeps slow rows, where friction obeys no law."
+    step = "Log faster motion, or freeze the joint (URDF) and leave its columns out; a smaller "
+    step += "mask under [identify] keeps slow rows, where friction obeys no law."
     return [*remarks, of_finding(TOO_SLOW.finding("error", text, motionless[0], step))]
 
 

@@ -212,7 +212,8 @@ def summary_of(
     text = values.why
     if values.answer != "yes" and torques.answer != "no":
         text += "; of the others trust the torques, not single values"
-    text += ". ± is the 95 % interval"
+    by_law = any((s.topic, s.kind) in ANSWERED_BY for s in reservations)
+    text += ". ± is the 95 % interval" + " under the assumed friction law" * by_law
     for own in result.friction_warming:
         text += f"; friction of {own.joint} is that at {temperature_text(own.reference)}"
     repairs = [Item(t.cause, effect=t.effect) for t in diagnostics.trials if t.wins]

@@ -146,7 +146,13 @@ def _regressor_after(change: Change, size: float, regressor: Regressor) -> Regre
     robot = change(regressor.robot, size)
     if robot.constraints is not None:
         return regressor_of(robot, regressor.parameters)
-    return Regressor.build(robot, regressor.parameters, probed=False)
+    return _with_all_entries(regressor).in_geometry_of(robot)
+
+
+@lru_cache(maxsize=8)
+def _with_all_entries(regressor: Regressor) -> Regressor:
+    """Those besides that geometry alone hides."""
+    return Regressor.build(regressor.robot, regressor.parameters, probed=False)
 
 
 def _moved(joint: int, axis: int) -> Change:

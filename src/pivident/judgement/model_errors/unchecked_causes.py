@@ -19,6 +19,7 @@ describes the robot makes them; what one per cent or one millimetre would change
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,8 +94,10 @@ def unchecked_causes(
     """
     needed = _standard_errors(tests)
     own = tests.columns([])
-    of_band = np.sqrt(np.diag(tests.covariance(own, tests.fit(own).theta)))
-    std = np.maximum(found.free_std, of_band)
+    std = found.free_std
+    with suppress(np.linalg.LinAlgError):  # all that is known of one lies within one window
+        of_band = tests.covariance(own, tests.fit(own).theta)
+        std = np.maximum(std, np.sqrt(np.diag(of_band)))
     hidden = []
     for number, cause in enumerate(tests.causes):
         size = COMMON.get((cause.kind, cause.unit), 0.0)
