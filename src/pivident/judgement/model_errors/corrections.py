@@ -65,8 +65,9 @@ INSTEAD = {
     "coupled joints": "describe the loop, the gear or the motor that ties them",
 }
 
-#: Change of a correction, in standard errors, below which it has settled.
-SETTLED = 0.1
+#: Change of a correction, in standard errors, below which it has settled, and after some rounds:
+#: noise models of two orders may take turns, and move it to and fro.
+SETTLED, TAKING_TURNS, SOME_ROUNDS = 0.1, 0.5, 5
 
 #: Rounds after which corrections that do not settle are given up.
 MAX_ROUNDS = 8
@@ -215,7 +216,7 @@ def corrections(
         size = np.concatenate([size, np.zeros(step.size - size.size)]) + step
         change = float(np.max(np.abs(step[shown]) / np.sqrt(np.diag(covariance)[shown])))
         say(f"corrections, round {round_ + 1}: they change by {change:.2g} σ")
-        if not added and change < SETTLED:
+        if not added and change < (SETTLED if round_ < SOME_ROUNDS else TAKING_TURNS):
             last = _corrected(problem, chosen, size)
             return Corrections(last, tuple(chosen), size, covariance, alike, left_out)
     raise IdentificationError(
