@@ -33,12 +33,7 @@ from pivident.estimation.iteration import (
 )
 from pivident.estimation.method import Handles, InstrumentalMethod, Say
 from pivident.estimation.noise_identification import Prefilters
-from pivident.estimation.prefiltered_iv import (
-    MIN_ESTIMATES,
-    full_rate_start,
-    piv,
-    with_instruments,
-)
+from pivident.estimation.prefiltered_iv import MIN_ESTIMATES, full_rate_start, piv, with_instruments
 from pivident.estimation.problem import EQUATION_ERROR, Problem
 from pivident.estimation.signal_recipes import (
     Bandpass,

@@ -27,11 +27,7 @@ from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.sentences import plural
 from pivident.foundation.threads import run_in_threads
-from pivident.loop.motion.motion import (
-    Kinematics,
-    residual_of,
-    usable_samples,
-)
+from pivident.loop.motion.motion import Kinematics, residual_of, usable_samples
 from pivident.loop.simulation.controllers import inverse_controller
 from pivident.signals.noise_models import (
     continued_into_band,

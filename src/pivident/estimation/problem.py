@@ -25,11 +25,7 @@ from pivident.data.recording.checks import check_torques, check_within_reach
 from pivident.data.recording.joint_order import in_order_of
 from pivident.data.recording.recording import Recording
 from pivident.data.recording.usable_samples import filled
-from pivident.dynamics.base_parameters import (
-    BaseParameters,
-    base_parameters,
-    parameter_index,
-)
+from pivident.dynamics.base_parameters import BaseParameters, base_parameters, parameter_index
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of

@@ -239,7 +239,8 @@ def with_corrections(found: Identification, made: Corrections) -> Identification
         The estimate with wider intervals and a note on each correction; itself without any.
     """
     if not made.causes:
-        return replace(found, warnings=(*made.findings(), *found.warnings))
+        notes = made.findings()
+        return replace(found, warnings=(*notes, *found.warnings)) if notes else found
     tests = score_tests(made.problem, found, [cause.kind for cause in made.causes])
     numbers = [_number(tests, cause) for cause in made.causes]
     columns = tests.columns(numbers)
