@@ -129,10 +129,12 @@ def temperature_lines(
     if warm is None or warmth is None:
         if not found.drifted:
             return ()
-        seen = f"with time {drift_text(found.drifted)}, and no column of motor temperatures is "
-        seen += "recognised that could tell why: friction is taken as constant. Log temperatures, "
-        seen += "warm the robot up before the record, or keep a part of one temperature (part "
-        seen += "under [recording])"
+        seen = (
+            f"with time {drift_text(found.drifted)}, and no column of motor temperatures is "
+            "recognised that could tell why: friction is taken as constant. Log temperatures, "
+            "warm the robot up before the record, or keep a part of one temperature (part under "
+            "[recording])"
+        )
         example = f"[{', '.join(string_text(f'temperature_{j}') for j in names)}]"
         return (Assumption("identify", "temperature", None, "likely", seen, example=example),)
     columns = [warm.columns[name] for name in names]
@@ -142,10 +144,12 @@ def temperature_lines(
         seen = f"motor temperatures are logged ({span}), but do not explain unseen motion better"
         example = value_text(value)
         return (Assumption("identify", "temperature", None, "likely", seen, example=example),)
-    seen = f"motor temperatures go {span}, and with them {drift_text(found.warmed)}: friction is "
-    seen += "identified at their mean"
-    correct = "Or at another one: reference_temperature."
-    line = Assumption("identify", "temperature", value, "likely", seen, correct)
+    line = Assumption(
+        "identify", "temperature", value, "likely",
+        f"motor temperatures go {span}, and with them {drift_text(found.warmed)}: friction is "
+        "identified at their mean",
+        "Or at another one: reference_temperature.",
+    )  # fmt: skip
     listed_units = torque.value if torque is not None else "N m"
     units = listed_units if isinstance(listed_units, list) else [listed_units]
     if any(isinstance(unit, Mapping) and unit.get("unit") in COMMAND for unit in units):

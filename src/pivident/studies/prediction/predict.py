@@ -352,11 +352,13 @@ def _at_rest(robot: Robot, still: np.ndarray, residual: np.ndarray) -> list[Find
 def _warmth(own: FrictionWarming, is_known: bool) -> Finding:
     """At which temperature the friction of a joint is predicted."""
     text = f"Friction of {own.joint} is that at {temperature_text(own.reference)}"
-    step = "Name its columns: [identify] temperature in an experiment file with --experiment."
     if is_known:
         return Finding("note", WARMTH, "at the log's", f"{text}, changed to that of the log.")
-    text += ", since the temperature of the log is not known."
-    return Finding("note", WARMTH, "at the reference", text, own.joint, step)
+    return Finding(
+        "note", WARMTH, "at the reference",
+        f"{text}, since the temperature of the log is not known.", own.joint,
+        "Name its columns: [identify] temperature in an experiment file with --experiment.",
+    )  # fmt: skip
 
 
 def _free(result: Any) -> Any:
