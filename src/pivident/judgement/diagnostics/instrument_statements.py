@@ -134,5 +134,6 @@ def strength(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     if more.matters:
         with_law = used is None or used.kind == "loop"
         cause = "the model or the control law" if with_law else "the model"
-        text = f"{capital(cause)} does not quite match the machine, as further instruments show."
+        text = f"{capital(cause)} does not quite match the machine, "
+        text += "as tests with other signals show."
         yield Finding("warning", "instruments", "contradicted", text, basis=str(more))

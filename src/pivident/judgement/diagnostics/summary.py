@@ -50,7 +50,7 @@ MEANT = {
     "excite": "designs a motion that tells more",
     "laws": "compares friction laws",
     "apply": "writes it into the file",
-    "export": "a model that a machine can have",
+    "export": "a physically possible model",
 }
 
 

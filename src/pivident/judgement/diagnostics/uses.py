@@ -147,13 +147,14 @@ def simulation(diagnostics: Diagnostics, name: str) -> Use:
         "of the nearest machine": Quantity(100.0 * model.torque_error, "%"),
     }
     grows = model.torque_error / max(model.torque_error_free, 1e-300) - 1.0
-    fits = "fits as well" if grows < AS_WELL else f"fits {percent(100.0 * grows)} worse"
+    larger = f"{percent(100.0 * grows)} larger"
+    fits = f"torque error {'as small' if grows < AS_WELL else larger}"
     if model.was_consistent:
         return Use("simulation", "yes", "", evidence)
     if model.is_far:
-        why = f"no machine has these parameters (the nearest {fits})"
+        why = f"no machine has these parameters (the nearest possible ones: {fits})"
         return Use("simulation", "no", why, evidence)
-    why = f"the exported model, which a machine can have ({fits})"
+    why = f"the exported model, which is physically possible ({fits})"
     return Use("simulation", "care", why, evidence)
 
 
