@@ -42,7 +42,7 @@ def test_the_verdict_states_the_change_and_predictions_follow_it(tmp_path, capsy
     path = write(tmp_path)
     assert main(["identify", str(path), "--out", str(tmp_path / "out")]) == 0
     screen = capsys.readouterr().out
-    assert "friction of j1 is that at 37.3 °C" in screen
+    assert "friction is that at 37.3 °C (j1), 33.2 °C (j2)." in " ".join(screen.split())
     verdict = (tmp_path / "out" / "verdict.json").read_text("utf-8")
     assert "the friction of j1 changes with its temperature, fv1 by -0.05" in verdict
     assert "the friction of j1 changes" in (tmp_path / "out" / "report.html").read_text("utf-8")

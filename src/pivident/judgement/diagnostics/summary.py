@@ -18,7 +18,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import ParameterRow, parameter_rows
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.numbers import format_significant, percent, plain_table
-from pivident.foundation.text.sentences import first_sentence, plural
+from pivident.foundation.text.sentences import first_sentence, listed, plural
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
 from pivident.judgement.diagnostics.uses import Use
 from pivident.judgement.model_errors.time_errors import temperature_text
@@ -214,8 +214,8 @@ def summary_of(
         text += "; of the others trust the torques, not single values"
     by_law = any((s.topic, s.kind) in ANSWERED_BY for s in reservations)
     text += ". ± is the 95 % interval" + " under the assumed friction law" * by_law
-    for own in result.friction_warming:
-        text += f"; friction of {own.joint} is that at {temperature_text(own.reference)}"
+    at = [f"{temperature_text(own.reference)} ({own.joint})" for own in result.friction_warming]
+    text += f"; friction is that at {listed(at)}" * bool(at)
     repairs = [Item(t.cause, effect=t.effect) for t in diagnostics.trials if t.wins]
     further = [_item(s) for s in reservations if not s.repairs]
     items = repairs or further  # what a fault of the log makes of the rest is not known yet
