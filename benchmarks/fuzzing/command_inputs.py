@@ -61,6 +61,8 @@ friction_drift = true
 
 [identify]
 methods = ["ls"]
+temperature = ["temp_1", "temp_2"]
+reference_temperature = 28.0
 """
 
 URDF = """<robot name="arm"><link name="base"/>
@@ -210,7 +212,7 @@ def grown_command(rng: random.Random) -> bytes:
     else:
         names = ["t", "q_1", "q_2", "i_1", "i_2", "s_1", "s_2", "temp_1", "temp_2"]
         lines = [x for x in GAINS.split("\n") if not x.strip() or rng.random() < 0.95]
-        command = rng.choice(("gains", "gains", "gains --in-log-units", "check", "audit"))
+        command = rng.choice(("gains", "gains", "gains --in-log-units", "check", "check", "audit"))
         table = columns(names, rng, samples, time)
         text = f"$ {command} e.toml\n@ a.csv\n{table}@ e.toml\n" + "\n".join(lines)
     return text.encode("utf-8", "replace")

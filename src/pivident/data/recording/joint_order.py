@@ -66,4 +66,4 @@ def reordered(recording: Recording, order: Sequence[int]) -> Recording:
         order: for each new column the index of the one that it comes from.
     """
     names = tuple(recording.joint_names[j] for j in order)
-    return recording.indexed((slice(None), list(order)), joint_names=names)
+    return recording.indexed((slice(None), list(order)), {"joint_names": names})

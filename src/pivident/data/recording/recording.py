@@ -272,14 +272,14 @@ class Recording(Printed):
         Args:
             joints: how many are left out.
         """
-        return self.indexed(np.s_[:, joints:], joint_names=self.joint_names[joints:])
+        return self.indexed(np.s_[:, joints:], {"joint_names": self.joint_names[joints:]})
 
-    def indexed(self, where: Any, **others: Any) -> Recording:
+    def indexed(self, where: Any, others: Mapping[str, Any]) -> Recording:
         """The recording with other samples or joints of all signals but the wrenches.
 
         Args:
             where: index of the arrays.
-            others: fields that change with it.
+            others: fields that change with it, by name.
         """
         cut: dict[str, Any] = {
             channel: None if (values := getattr(self, channel)) is None else values[where]
@@ -385,13 +385,13 @@ class Recording(Printed):
                 f"samples {start} to {stop} do not lie inside recording {self.name!r}, which has "
                 f"samples 0 to {self.samples}"
             )
-        return self.indexed(
-            np.s_[start:stop],
-            wrenches=tuple(replace(w, values=w.values[start:stop]) for w in self.wrenches),
-            start_time=self.start_time + start / self.rate,
-            allow_constant=True,
-            saturation="allow",
-        )
+        others = {
+            "wrenches": tuple(replace(w, values=w.values[start:stop]) for w in self.wrenches),
+            "start_time": self.start_time + start / self.rate,
+            "allow_constant": True,
+            "saturation": "allow",
+        }
+        return self.indexed(np.s_[start:stop], others)
 
     def slice(self, start_s: float, stop_s: float) -> Recording:
         """The samples with start_s ≤ t < stop_s, on the recording's own clock `t`.

@@ -217,10 +217,14 @@ def _refused_standstill(remarks: Sequence[Remark], motionless: Sequence[str]) ->
     if any(remark.declared is STANDSTILL for remark in remarks):
         return [replace(r, refused=r.refused or r.declared is STANDSTILL) for r in remarks]
     move = "moves" if len(motionless) == 1 else "move"
-    text = f"Too slow: {listed(motionless)} never {move} faster than the low-speed mask, which "
-    text += "leaves no row to fit."
-    step = "Log faster motion, or freeze the joint (URDF) and leave its columns out; a smaller "
-    step += "mask under [identify] keeps slow rows, where friction obeys no law."
+    text = (
+        f"Too slow: {listed(motionless)} never {move} faster than the low-speed mask, which leaves "
+        "no row to fit."
+    )
+    step = (
+        "Log faster motion, or freeze the joint (URDF) and leave its columns out; a smaller mask "
+        "under [identify] keeps slow rows, where friction obeys no law."
+    )
     return [*remarks, of_finding(TOO_SLOW.finding("error", text, motionless[0], step))]
 
 
