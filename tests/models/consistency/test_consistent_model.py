@@ -18,6 +18,7 @@ from pivident.foundation.errors import (
     NoConsistentModelNear,
     RobotDescriptionError,
 )
+from pivident.models.consistency import nearest_consistent
 from pivident.models.consistency.consistent_model import make_consistent
 from pivident.models.consistency.constraints import Bounds, make_constraints
 from pivident.models.consistency.metric import full_covariance, is_far, make_metric
@@ -40,6 +41,25 @@ def simulated(essential=False):
 
 def states(robot, count=60):
     return np.random.default_rng(5).uniform(-2.0, 2.0, (3, count, robot.size))
+
+
+def test_a_solver_that_cannot_stay_at_distance_zero_makes_no_estimate_impossible(monkeypatch):
+    """On some processors the prior's choice at distance zero ends with too little progress."""
+    free = synthetic_identification(robot_name="staubli_tx40", relative_std=1e-4)
+    free = replace(
+        free, judged=None, theta=np.where(np.array(free.names) == "iam6", 1e-3, free.theta)
+    )
+    exactly = nearest_consistent._kept
+    monkeypatch.setattr(
+        nearest_consistent,
+        "_kept",
+        lambda *given: replace(exactly(*given), status="NumericalError"),
+    )
+    model = make_consistent(free)
+    assert model.was_consistent
+    assert model.least_distance < nearest_consistent.CONSISTENT
+    assert 0.0 < model.distance <= 0.21  # a tenth of the half width of an interval
+    assert model.torque_cost < 1e-3 or np.isnan(model.torque_cost)
 
 
 def test_a_consistent_estimate_is_lifted_and_keeps_its_torques():

@@ -31,7 +31,6 @@ from pivident.judgement.diagnostics.estimate_statements import is_known
 from pivident.judgement.diagnostics.prediction_statements import unexplained_joints
 from pivident.judgement.validation.held_out.prediction import PredictionError
 from pivident.models.consistency.consistent_model import ConsistentModel
-from pivident.models.consistency.nearest_consistent import CONSISTENT
 
 Answer = Literal["yes", "care", "no"]
 
@@ -150,7 +149,7 @@ def simulation(diagnostics: Diagnostics, name: str) -> Use:
     grows = model.torque_error / max(model.torque_error_free, 1e-300) - 1.0
     larger = f"{percent(100.0 * grows)} larger"
     fits = f"torque error {'as small' if grows < AS_WELL else larger}"
-    if model.least_distance < CONSISTENT:
+    if model.was_consistent:
         return Use("simulation", "yes", "", evidence)
     if model.is_far:
         why = f"no machine has these parameters (the nearest possible ones: {fits})"

@@ -188,6 +188,7 @@ def nearest_consistent(
             notes = ()
         if kept.found:
             return Nearest(space.values(_wide(space, kept.u)), 0.0, 0.0, True, (), 0, notes)
+        room *= LEAST_ROOM  # a solver that cannot keep the distance at zero keeps it small
     u, notes = _chosen(space, constraints, reference, prior, room, closest)
     if outside := _violated(space, plausible, u):
         farther = None
@@ -209,7 +210,7 @@ def nearest_consistent(
             notes = (*notes, *_implausible(outside, farther))
     active, directions = active_constraints(space, constraints, closest)
     distance = float(np.linalg.norm(u[: space.distances]))
-    return Nearest(space.values(u), least, distance, False, active, directions, notes)
+    return Nearest(space.values(u), least, distance, least < CONSISTENT, active, directions, notes)
 
 
 def _fewer(plausible: Sequence[Constraint]) -> list[Sequence[Constraint]]:
