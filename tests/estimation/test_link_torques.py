@@ -12,6 +12,7 @@ from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identify import identify
 from pivident.estimation.least_squares import LeastSquares
+from pivident.estimation.prefiltered_iv import PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import Bandpass
 from pivident.estimation.stored_identification import load_identification
@@ -37,6 +38,25 @@ def recording(log, tau=None, side="link") -> Recording:
     return Recording(
         "run", robot.joint_names, log.q, tau, RATE, torque_timing="sampled", torque_side=side
     )
+
+
+def test_a_sensor_samples_what_a_motor_holds():
+    """Unless it is said; in a thinned log half a sample more would be a friction of its own."""
+    log = made(3)
+    names = parse_urdf(log.urdf).joint_names
+    motor, sensor = (
+        Recording.from_arrays(log.q, log.tau_link, RATE, joint_names=names, torque_side=side)
+        for side in ("motor", "link")
+    )
+    assert (motor.torque_timing, sensor.torque_timing) == ("held", "sampled")
+    assert replace(sensor, torque_timing="averaged").torque_timing == "averaged"
+    robot = parse_urdf(log.urdf).with_link_torques(FrictionLaw((viscous(), offset())))
+    thin = Recording("run", names, log.q[::20], log.tau_link[::20], RATE / 20, torque_side="link")
+    held = replace(thin, torque_timing="held")
+    found, wrong = (identify(Problem(robot, (log,)), PrefilteredIV()) for log in (thin, held))
+    friction = [name.startswith("fv") for name in found.names]  # these bearings have none
+    assert np.abs(found.theta / found.std)[friction].max() < 3.0
+    assert (wrong.theta / wrong.std)[friction].max() > 4.0
 
 
 def problem(log, tau=None, side="link", **options) -> Problem:

@@ -428,7 +428,7 @@ class RecordingEntry(Entry):
     torque_timing: TorqueTiming | None = key(
         None,
         'a torque sample is `"held"` until the next one, `"averaged"` before it, or `"sampled"`',
-        shown='`"held"`',
+        shown='`"held"`, of sensors behind the gears `"sampled"`',
     )
     delay: float | None = key(None, "how much later `tau` is than `q`", unit="s", shown="`0.0`")
     drive_delay: NonNegativeFloat | None = key(

@@ -12,6 +12,7 @@ import numpy as np
 from pivident.data.logs.bags.read_bag import is_bag
 from pivident.data.logs.log import Log
 from pivident.data.logs.tables.tables import named_columns
+from pivident.data.recording.checks import usual_timing
 from pivident.data.recording.load import OF_LOGGER, load_recording
 from pivident.data.recording.public_records import RUNS, load_public, public_facts
 from pivident.data.recording.recording import Recording
@@ -200,6 +201,7 @@ def log_of(
     from pivident.data.logs.described_log import described_log
 
     files, reading = reading_of(entry, robot, folder, other)
+    reading.setdefault("torque_timing", usual_timing(reading.get("torque_side", "motor")))
     for key in ("drive_delay", "torque_side"):  # a part of the model, not of the log
         reading.pop(key, None)
     log = described_log(_instead(files, other), **(reading | {"robot": robot}))

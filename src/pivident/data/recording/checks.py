@@ -74,6 +74,15 @@ class RecordingOptions(TypedDict, total=False):
     notes: tuple[str, ...]
 
 
+def usual_timing(side: TorqueSide) -> TorqueTiming:
+    """What a torque sample is where nobody says it: motors hold a torque, sensors sample one.
+
+    Args:
+        side: where the torque is measured.
+    """
+    return "sampled" if side == "link" else "held"
+
+
 def clipped_samples(tau: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Which samples of one joint's torque are cut off.
 

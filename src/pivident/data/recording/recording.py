@@ -72,7 +72,8 @@ class Recording(Printed):
         control_rate: rate of the control loop [Hz]; zero stands for the sampling rate.
         torque_timing: ``held``: applied from its instant until the next control instant;
             ``averaged``: mean over the period before its instant; ``sampled``: value at its
-            instant.
+            instant. Where it is not given, motors hold a torque and sensors behind the gears
+            sample one.
         delay: how much later the torque channel is than the positions [s].
         drive_delay: how much later than its sample a logged torque acts: the log holds what the
             drive was commanded, and the simulated loop waits as long [s].
@@ -135,7 +136,7 @@ class Recording(Printed):
     q_link: np.ndarray | None = field(default=None, kw_only=True)  # flexible joints
     dq: np.ndarray | None = field(default=None, kw_only=True)
     control_rate: float = 0.0
-    torque_timing: TorqueTiming = "held"
+    torque_timing: TorqueTiming = ""  # type: ignore[assignment]  # settled by the torque's side
     delay: float = 0.0
     drive_delay: float = field(default=0.0, kw_only=True)
     start_time: float = 0.0
@@ -159,6 +160,7 @@ class Recording(Printed):
         settle(self, "joint_names", tuple(self.joint_names))
         settle(self, "sources", tuple(self.sources))
         settle(self, "control_rate", self.control_rate or self.rate)
+        settle(self, "torque_timing", self.torque_timing or checks.usual_timing(self.torque_side))
         for channel in (*CHANNELS, "wrench_torque", "weights", "temperature"):
             if getattr(self, channel) is not None:
                 settle(self, channel, settled(channel, getattr(self, channel)))
@@ -433,7 +435,7 @@ class Recording(Printed):
         dq: ArrayLike | None = None,
         valid: ArrayLike | None = None,
         control_rate: float = 0.0,
-        torque_timing: TorqueTiming = "held",
+        torque_timing: TorqueTiming | None = None,
         delay: float = 0.0,
         drive_delay: float = 0.0,
         start_time: float = 0.0,
@@ -464,7 +466,7 @@ class Recording(Printed):
             dq: measured speeds [rad/s or m/s].
             valid: True for samples that may stand in a joint's equation, shape of ``q``.
             control_rate: rate of the control loop [Hz]; zero: the sampling rate.
-            torque_timing: ``held``, ``averaged`` or ``sampled``.
+            torque_timing: ``held``, ``averaged`` or ``sampled``; None: that of the torque's side.
             delay: how much later the torque channel is than the positions [s].
             drive_delay: how much later than its sample a logged torque acts [s].
             start_time: time of the first sample [s].
@@ -515,7 +517,7 @@ class Recording(Printed):
             inputs={key: one_column(key, x) for key, x in (inputs or {}).items()},
             valid=usable,
             control_rate=control_rate,
-            torque_timing=torque_timing,
+            torque_timing=torque_timing or checks.usual_timing(torque_side),
             delay=delay,
             drive_delay=drive_delay,
             start_time=start_time,

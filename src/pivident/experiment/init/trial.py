@@ -154,6 +154,9 @@ MAX_TRIAL = 150_000
 #: Standard error of a delay [samples] from which on it does not tell what a torque is nearest to.
 KNOWN = 0.15
 
+#: Rate below which a log is slower than any loop that holds the torques of an arm [Hz].
+SLOWEST_LOOP = 100.0
+
 
 @dataclass(frozen=True)
 class Findings:
@@ -267,6 +270,8 @@ def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
     if any(line.key in ("torque_timing", "control_rate") for line in known.recording):
         return None
     entry = experiment.content.recording[0]
+    if entry.torque_side == "link":
+        return None  # a sensor's value is that of its instant
     try:
         log = replace(log_of(entry, experiment.robot, experiment.path.parent), torque_timing="")
         audit = audit_log(log)
@@ -280,11 +285,15 @@ def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
         loops = possible_loops(log, rate, common)
         sure: Sureness = "likely" if len(loops) == 1 else "assumed"
         return Assumption("recording", "control_rate", loops[0], sure, seen, "In Hz.")
-    timing = undeclared_timing(log, rate, common)
-    if timing is None or common[1] * rate > KNOWN:
+    timing, clear = undeclared_timing(log, rate, common), said.declared is TIMING
+    if not common[1] * rate <= KNOWN:  # or unknown
+        if rate >= SLOWEST_LOOP:
+            return None
+        timing, clear = "sampled", False
+        seen += f"; no loop holds the torques of an arm for {1e3 / rate:.0f} ms"
+    elif timing is None:
         return None
-    clear = said.declared is TIMING
-    if not clear:
+    elif not clear:
         seen += f": nearer to torques that are {TIMING_WORDS[timing]} than to torques that are "
         seen += f"{TIMING_WORDS['held']}, which the motion does not decide"
     return Assumption(
