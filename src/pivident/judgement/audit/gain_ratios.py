@@ -66,7 +66,10 @@ def gain_ratios(sums: Sequence[JointSums], signs: np.ndarray, known: np.ndarray)
     start = homogeneous_start(equations)
     start += np.mean((equations.centre - start)[given] if given.any() else -start)
     ell, x = least_squares(equations, np.where(given, equations.centre, start))
-    groups = gain_groups(covariance(equations, ell, x)[:joints, :joints])
+    try:
+        groups = gain_groups(covariance(equations, ell, x)[:joints, :joints])
+    except np.linalg.LinAlgError:  # all that is known of one lies within one stretch of time
+        return GainRatios(signs * np.exp(equations.centre), np.zeros(joints, bool))
     chosen = max(groups, key=lambda group: (group.anchored, len(group.motors)))
     ties = chosen.anchored or len(chosen.motors) > 1
     connected = np.isin(np.arange(joints), chosen.motors) & ties
