@@ -40,6 +40,11 @@ def test_stages_multiply_to_the_factor(factor):
     assert all(s <= 13 or all(s % d for d in range(2, s)) for s in stages)
 
 
+def test_a_factor_that_leaves_nothing_is_refused_at_once():
+    with pytest.raises(RecordingError, match="leaves nothing"):
+        decimation_stages(2**61 - 1)
+
+
 def test_the_papers_record_keeps_276_rows():
     assert parallel_decimation(np.zeros((34_500, 2)), 125).shape == (276, 2)
 

@@ -40,6 +40,9 @@ PADLEN: dict[Convention, int] = {"matlab": 3 * ORDER, "scipy": 3 * (ORDER + 1)}
 #: Largest factor of one stage; beyond it the filter's poles cluster at z = 1.
 MAX_STAGE = 13
 
+#: Largest factor: no record has as many samples for each that would be kept.
+LARGEST_FACTOR = 100_000
+
 #: Level below which an impulse response has ended, relative to the unit step response.
 NEGLIGIBLE = 1e-12
 
@@ -93,6 +96,11 @@ def decimation_stages(factor: int | Sequence[int]) -> tuple[int, ...]:
         return tuple(int(stage) for stage in factor)
     if factor < 1:
         raise RecordingError(f"decimation by {factor}", advice="expected a factor of one or more")
+    if factor > LARGEST_FACTOR:
+        raise RecordingError(
+            f"decimation by {factor} leaves nothing of any record",
+            advice="expected a factor such as 50: the rate over twice the highest frequency to keep",
+        )
     return min(_factorisations(int(factor)), key=lambda stages: (len(stages), stages))
 
 

@@ -206,6 +206,7 @@ def test_a_rate_that_is_not_positive_is_refused(field, value):
     ("field", "value", "message"),
     [
         ("rate", 0.0, "positive"),
+        ("control_rate", 1e12, "unlike any robot"),
         ("joint_names", ("a", "a"), "repeated"),
         ("joint_names", (), "missing"),
         ("torque_timing", "late", "held, averaged, sampled"),

@@ -34,6 +34,8 @@ JITTER_TOLERANCE = 0.1
 RATE_TOLERANCE = 0.01
 #: Rates below this are no robot's log but stamps in another unit [Hz].
 LOWEST_RATE = 5.0
+#: Rates above this are no robot's log either [Hz].
+HIGHEST_RATE = 1e6
 #: Rates that the log of a robot may well have [Hz].
 LIKELY_RATES = (LOWEST_RATE, 20e3)
 #: Ratio of `stamp_error` from which on samples are equally spaced, and their stamps are not.
@@ -61,9 +63,13 @@ def check_length(samples: int) -> None:
 
 
 def check_positive(name: str, value: float) -> None:
-    """Refuse a rate that is not a positive, finite number."""
+    """Refuse a rate that is not a positive, finite number, or above any of a robot."""
     if not isinstance(value, Real) or not (np.isfinite(value) and value > 0):
         raise RecordingError(f"{name} is {value!r} Hz", advice="a positive number is needed")
+    if value > HIGHEST_RATE:
+        raise RecordingError(
+            f"{name} is {value:g} Hz, unlike any robot's log", advice="it is given in Hz"
+        )
 
 
 def likely_time_units(interval: float) -> list[str]:

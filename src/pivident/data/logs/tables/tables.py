@@ -48,7 +48,7 @@ MAX_FILES, FOLDERS, MAX_ENTRIES = 3, 3, 10_000
 #: What stands for a column without a name.
 UNNAMED = "-"
 _NUMBERED = re.compile(r"column_\d+")
-_RANGE = re.compile(r"(.*?)(\d+)\.\.(.*?)(\d+)")
+_RANGE = re.compile(r"(.*?)(\d{1,9})\.\.(.*?)(\d{1,9})")
 
 
 @cache
