@@ -99,7 +99,7 @@ def decimation_stages(factor: int | Sequence[int]) -> tuple[int, ...]:
     if factor > LARGEST_FACTOR:
         raise RecordingError(
             f"decimation by {factor} leaves nothing of any record",
-            advice="expected a factor such as 50: the rate over twice the highest frequency to keep",
+            advice="expected the rate over twice the highest frequency to keep",
         )
     return min(_factorisations(int(factor)), key=lambda stages: (len(stages), stages))
 
