@@ -75,6 +75,18 @@ def test_a_motion_from_the_record_adds_nothing():
     assert with_simulated_detail(kinematics, motion) is kinematics
 
 
+def test_what_the_record_contradicts_is_not_added():
+    """The second joint of the simulated loop rings at 150 Hz, less than the encoders' noise."""
+    q = sharp_motion()
+    kinematics = estimate_kinematics(recording(noisy(q, 2)), RandomWalk())
+    rings = q.copy()
+    rings[:, 1] += 6e-6 * np.sin(2 * np.pi * 150.0 * np.arange(len(q)) / RATE)
+    found = with_simulated_detail(kinematics, SimulatedMotion(rings.T.copy(), RATE))
+    right = with_simulated_detail(kinematics, SimulatedMotion(q.T.copy(), RATE))
+    np.testing.assert_array_equal(found.ddq[1], kinematics.ddq[1])
+    np.testing.assert_array_equal(found.ddq[0], right.ddq[0])
+
+
 def test_joints_with_visible_counts_stay_as_they_are():
     q = sharp_motion()
     measured = noisy(q, 4)

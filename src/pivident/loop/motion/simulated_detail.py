@@ -10,6 +10,10 @@ from q. Smoothing the difference of the two,
 
 leaves the noise of q̂ as it was, and of its bias only that of what the model does not explain.
 
+Where the record shows another one, q_s is no guide: a simulated loop that rings, since its
+parameters are far off, has a detail that the real one has not, and adding it spoils the
+accelerations. Then what S took from q is farther from that detail than from none.
+
 Rounding to counts that are visible is a function of the position, not noise: what S makes of it
 depends on the motion, and such joints are left as they are.
 
@@ -41,16 +45,20 @@ from pivident.signals.instants import differences_at_instants
 from pivident.signals.random_walk import WalkSmoother
 from pivident.signals.random_walk_model import nvr_from_f50
 
+#: Growth of the square that S took from the record by a detail that it contradicts.
+CONTRADICTED = 0.05
+
 
 def with_simulated_detail(kinematics: Kinematics, motion: SimulatedMotion) -> Kinematics:
     """The measured motion with (1 - S) q_s added, at the joints that have an S.
 
     A motion from the record has noise of its own, which it would bring along: then nothing is
-    added.
+    added, nor at joints where the record contradicts it.
     """
     known = [j for j, smoother in enumerate(kinematics.smoothers) if smoother is not None]
     if motion.from_record or not known:
         return kinematics
+    inside = slice(kinematics.start, kinematics.stop)
     q, dq, ddq = (working_array(kinematics.q.shape) for _ in range(3))
 
     def add(j: int) -> None:
@@ -58,6 +66,9 @@ def with_simulated_detail(kinematics: Kinematics, motion: SimulatedMotion) -> Ki
         detail = np.zeros((1, q.shape[1]))
         if smoother is not None:
             detail[0] = motion.q[j] - smoother.smoothed(motion.q[j])
+            taken = kinematics.recording.q[inside, j] - kinematics.q[j, inside]
+            if _square(taken - detail[0, inside]) > (1.0 + CONTRADICTED) * _square(taken):
+                detail[:] = 0.0
         differences_at_instants(detail, motion.rate, 0, dq[own], ddq[own])
         q[j] = kinematics.q[j] + detail[0]
         dq[j] += kinematics.dq[j]
@@ -65,6 +76,10 @@ def with_simulated_detail(kinematics: Kinematics, motion: SimulatedMotion) -> Ki
 
     run_in_threads(add, range(len(q)))
     return replace(kinematics, q=q, dq=dq, ddq=ddq)
+
+
+def _square(x: np.ndarray) -> float:
+    return float(x @ x)
 
 
 #: Share of its band up to which a smoother S of third order leaves 98 % of a motion.
