@@ -56,6 +56,12 @@ def test_a_temperature_that_explains_nothing_is_not_used(tmp_path):
     assert line.value is None and "do not explain unseen motion better" in line.seen
     assert "temperature" not in parse_toml(draft.text)["identify"]
     assert '# temperature = "temperature"' in draft.text
+    names = [f"actuators_of_the_arm_temperature_of_the_windings_of_motor_{k}" for k in (0, 1)]
+    draft, _ = draft_of(
+        tmp_path, f"t,q1,q2,tau_1,tau_2,{','.join(names)}", 0.0, *[25.0 + COURSE] * 2
+    )
+    assert f'# temperature = ["{names[0]}", "{names[1]}"]\n' in draft.text
+    assert "temperature" not in parse_toml(draft.text)["identify"]
 
 
 def test_a_temperature_that_lacks_is_named_where_friction_moves_with_time(tmp_path):

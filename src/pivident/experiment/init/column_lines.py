@@ -142,7 +142,7 @@ def temperature_lines(
     span = f"from {warmth.min():.4g} to {warmth.max():.4g}"
     if not found.warmed:
         seen = f"motor temperatures are logged ({span}), but do not explain unseen motion better"
-        example = value_text(value)
+        example = value_text(value, 10**9)  # a comment, which is one line
         return (Assumption("identify", "temperature", None, "likely", seen, example=example),)
     line = Assumption(
         "identify", "temperature", value, "likely",
