@@ -130,11 +130,6 @@ class Equations:
         )
 
 
-def _lower(matrix: np.ndarray) -> np.ndarray:
-    """Lower triangle of a matrix, by rows."""
-    return matrix[np.tril_indices(len(matrix))]
-
-
 def _positive_semidefinite(lower: np.ndarray) -> np.ndarray:
     """The symmetric matrix of a lower triangle; refuses one that is no sum of squares."""
     size = (math.isqrt(8 * lower.size + 1) - 1) // 2
@@ -150,7 +145,11 @@ def _positive_semidefinite(lower: np.ndarray) -> np.ndarray:
 
 
 #: A symmetric matrix without negative eigenvalues, stored as its lower triangle by rows.
-LowerTriangle = As(Annotated[np.ndarray, Sized(None)], _lower, _positive_semidefinite)
+LowerTriangle = As(
+    Annotated[np.ndarray, Sized(None)],
+    lambda matrix: matrix[np.tril_indices(len(matrix))],
+    _positive_semidefinite,
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -317,7 +317,7 @@ def standard_from_base(
     density = density_of_estimate(base, values)
     near = make_reference(base.robot, base.standard, 0.01, reference, density)
     weight = 1.0 / near.scales
-    weight[_masses(base.standard)] *= MASS_WEIGHT
+    weight[[k for k, p in enumerate(base.standard) if p.stem == "m"]] *= MASS_WEIGHT
     start = near.values.copy()
     start[base.kept] = values - base.regrouping @ start[base.dropped]
     # shift = (−K, 1) z changes no torque; z makes the weighted distance from the reference least
@@ -328,7 +328,3 @@ def standard_from_base(
     standard = start + shift @ z
     standard[base.kept] = values - base.regrouping @ standard[base.dropped]
     return standard
-
-
-def _masses(standard: tuple[Parameter, ...]) -> list[int]:
-    return [k for k, p in enumerate(standard) if p.stem == "m"]

@@ -110,7 +110,7 @@ def read_mjcf(
             links=links,
             gravity=np.array(model.opt.gravity if gravity is None else gravity, dtype=float),
             rotor_inertia=np.array(
-                [float(model.dof_armature[_dof(model, names, j.name)]) for j in tree]
+                [float(model.dof_armature[model.jnt_dofadr[names.index(j.name)]]) for j in tree]
             ),
             transmission=Transmission.direct(len(tree)),
             description=str(path),
@@ -177,10 +177,6 @@ def movable_joints(path: str | Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
     if equalities.meetings or equalities.proportions:
         kept = read_mjcf(path, joints=kept).joint_names
     return kept, tuple(name for name in names if name not in kept)
-
-
-def _dof(model: Any, names: Sequence[str], joint: str) -> int:
-    return int(model.jnt_dofadr[names.index(joint)])
 
 
 def _kind(model: Any, k: int) -> str:

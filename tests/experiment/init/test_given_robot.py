@@ -39,7 +39,13 @@ def test_a_body_in_words(text, body):
     assert given_body(text) == body
 
 
-@pytest.mark.parametrize("text", ["2.75 kg", "flange", "flange 2 lb", "flange 2 kg at 0,1"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("2.75 kg", "flange", "flange 2 lb", "flange 2 kg at 0,1"),
+        *("flange 1e999 kg", "flange 2 kg at 0,0,1e999"),
+    ],
+)
 def test_words_that_say_no_body_say_how(text):
     with pytest.raises(DraftError, match=r"flange 2\.75 kg|three numbers"):
         given_body(text)

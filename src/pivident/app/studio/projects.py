@@ -272,7 +272,12 @@ class Projects:
             earlier = self._earlier(project)
             with atomic_folder(project.folder) as build:
                 if now:
-                    kept = build / HIDDEN / "earlier" / f"{_number(earlier) + 1:06d}.toml"
+                    kept = (
+                        build
+                        / HIDDEN
+                        / "earlier"
+                        / f"{int(earlier[-1].stem) + 1 if earlier else 1:06d}.toml"
+                    )
                     kept.parent.mkdir(parents=True)
                     kept.write_bytes(now.encode("utf-8"))
                 (build / EXPERIMENT).write_bytes(text.encode("utf-8"))
@@ -327,7 +332,3 @@ def version_of(text: str) -> str:
 def is_robot(path: Path) -> bool:
     """Whether a file describes a robot, by its ending; an experiment file does not."""
     return path.name.lower().endswith(ROBOT_FILES) and path.name != EXPERIMENT
-
-
-def _number(earlier: list[Path]) -> int:
-    return int(earlier[-1].stem) if earlier else 0

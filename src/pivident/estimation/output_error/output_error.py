@@ -375,7 +375,8 @@ def _identification(
     notes, warnings = law_findings(problem.loop if method.loop == "closed" else None)
     result = _result(method, fit, count)
     findings = [
-        *notes, *warnings, *found, *_undetermined(fit), *_bounds(fit),
+        *notes, *warnings, *found, *_undetermined(fit),
+        *(_bound(fit.unknowns[k], fit, int(k)) for k in np.flatnonzero(fit.bound)),
         *misfit_findings(problem, fit, test_gains),
     ]  # fmt: skip
     return answer(
@@ -471,11 +472,6 @@ def _shortened(shorter: float, longer: float) -> Finding:
     step = "Simulate the closed loop (cloe, clie, ml), which comes back to its reference."
     evidence = {"horizon": Quantity(shorter, "s")}
     return Finding("warning", "simulation", "short horizon", text, "", step, evidence)
-
-
-def _bounds(fit: SimulationFit) -> list[Finding]:
-    """Unknowns that a bound holds."""
-    return [_bound(fit.unknowns[k], fit, int(k)) for k in np.flatnonzero(fit.bound)]
 
 
 def _bound(own: Unknown, fit: SimulationFit, k: int) -> Finding:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -95,8 +95,8 @@ def _something_else(log: Log, q: np.ndarray, tau: np.ndarray) -> Iterator[Findin
     speed = np.gradient(q, axis=0)
     others = {
         name: (_correlations(np.gradient(column), q), np.abs(_correlations(column, q)))
-        for name, column in _other_columns(log).items()
-        if len(column) == len(q) and np.isfinite(column).all()
+        for name, column in log.columns.items()
+        if name not in log.clocks and len(column) == len(q) and np.isfinite(column).all()
     }
     for j, joint in enumerate(log.joint_names[: q.shape[1]]):
         for channel, signal in (("position", q[:, j]), ("speed", speed[:, j])):
@@ -117,11 +117,6 @@ def _something_else(log: Log, q: np.ndarray, tau: np.ndarray) -> Iterator[Findin
                 step = f"Positions and speeds seem swapped; name {name!r} for q."
                 yield POSITION_IS_SPEED.finding("error", text, joint, step)
                 break
-
-
-def _other_columns(log: Log) -> Mapping[str, np.ndarray]:
-    """Columns that might be the position itself."""
-    return {name: column for name, column in log.columns.items() if name not in log.clocks}
 
 
 def _correlations(x: np.ndarray, y: np.ndarray) -> np.ndarray:

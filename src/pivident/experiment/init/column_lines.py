@@ -236,15 +236,9 @@ def column_lines(
         )
     if speed is not None and "dq" not in besides:
         first = next(iter(speed.columns.values()), "dq")
-        lines[0] = _with_note(
-            lines[0], f"Logged speeds ({first} …) cannot be read beside the positions"
-        )
+        note = f"Logged speeds ({first} …) cannot be read beside the positions."
+        lines[0] = replace(lines[0], correct=f"{lines[0].correct} {note}".strip())
     return lines
-
-
-def _with_note(line: Assumption, note: str) -> Assumption:
-    """The same line with one more sentence."""
-    return replace(line, correct=f"{line.correct} {note}.".strip())
 
 
 def unit_lines(

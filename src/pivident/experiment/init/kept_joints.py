@@ -12,6 +12,7 @@ a command line become keys of the table ``[robot]``:
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -91,7 +92,7 @@ NOTHING_GIVEN = GivenRobot()
 def given_body(text: str) -> dict[str, Any]:
     """A body on a link, from ``flange 2.75 kg at 0, 0, 0.05``."""
     found = _BODY.fullmatch(text.strip())
-    if found is None:
+    if found is None or not math.isfinite(float(found["mass"])):
         raise DraftError(
             f"--body {text!r} says no link and mass",
             advice='write both, such as --body "flange 2.75 kg" or "flange 2.75 kg at 0,0,0.05" '
@@ -121,7 +122,7 @@ def given_gravity(text: str) -> Any:
 def _three_numbers(option: str, whole: str, text: str) -> list[float]:
     """Three numbers between commas or blanks."""
     words = text.replace(",", " ").split()
-    if len(words) != 3 or not all(re.fullmatch(_NUMBER, word) for word in words):
+    if len(words) != 3 or not all(map(_is_number, words)):
         raise DraftError(
             f"{option} {whole!r} does not say three numbers", advice="write them with commas"
         )
@@ -320,3 +321,7 @@ def is_informative(tau: np.ndarray) -> tuple[bool, str]:
     if share > MOSTLY_ONE_VALUE:
         return False, f"exactly {values[counts.argmax()]:.4g} in {100 * share:.0f} % of the rows"
     return True, ""
+
+
+def _is_number(word: str) -> bool:
+    return re.fullmatch(_NUMBER, word) is not None and math.isfinite(float(word))

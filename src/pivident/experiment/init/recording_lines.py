@@ -475,7 +475,7 @@ def _references(
         return found
     values = speed.values(run, kept.names)
     rows = np.isfinite(values).all(axis=1) & np.isfinite(followed).all(axis=1)
-    slope = _slope(followed[rows], clock.seconds[rows])
+    slope = np.gradient(followed[rows], clock.seconds[rows], axis=0)
     tried = tuple(SPEED) if turning else ("m/s", "mm/s")
     fits = following_unit(_thinned(values[rows]), _thinned(slope), tried, SPEED)
     if fits is not None and (found or fits[1] >= COPY):
@@ -490,11 +490,6 @@ def _reference_channel(
     """A reference that is there for all joints."""
     channel = joints.channels.get(name)
     return channel if channel is not None and set(kept.names) <= set(channel.columns) else None
-
-
-def _slope(x: np.ndarray, seconds: np.ndarray) -> np.ndarray:
-    """Slope of each column of a signal, shape (samples, joints)."""
-    return np.gradient(x, seconds, axis=0)
 
 
 def _thinned(x: np.ndarray) -> np.ndarray:

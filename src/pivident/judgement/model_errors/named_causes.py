@@ -353,7 +353,9 @@ def _best(candidates: Mapping[int, Score]) -> int:
     Joints are tied otherwise, or something jumped, only where nothing simpler explains it.
     """
     best = _first_of_best(candidates)
-    simple = {k: s for k, s in candidates.items() if _is_simple(s.cause)}
+    simple = {
+        k: s for k, s in candidates.items() if s.cause.kind != COUPLED and s.cause.instant is None
+    }
     simplest = _first_of_best(simple) if simple else best
     share = SIMPLER if candidates[best].cause.kind == COUPLED else STEADY
     return simplest if candidates[simplest].unseen > share * candidates[best].unseen else best
@@ -363,11 +365,6 @@ def _first_of_best(candidates: Mapping[int, Score]) -> int:
     """The first of those that help most, whatever the last digits."""
     most = max(score.unseen for score in candidates.values())
     return min(k for k, score in candidates.items() if score.unseen >= SAME * most)
-
-
-def _is_simple(cause: Cause) -> bool:
-    """Whether it is neither one of many columns nor one of many instants."""
-    return cause.kind != COUPLED and cause.instant is None
 
 
 def alternatives(best: Score, candidates: Iterable[Score]) -> tuple[Score, ...]:

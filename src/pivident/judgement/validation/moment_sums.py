@@ -242,7 +242,7 @@ def _on_reference(regressor: Regressor, record: EquationRecord) -> Signals:
     recording = record.kinematics.recording
     assert recording.q_ref is not None
     dq, ddq = central_differences(recording.q_ref, recording.rate)
-    q_ref, dq, ddq = (_time_last(x) for x in (recording.q_ref, dq, ddq))
+    q_ref, dq, ddq = (np.ascontiguousarray(x.T) for x in (recording.q_ref, dq, ddq))
     inner = regressor.inner(q_ref, dq, ddq)
     own = None if record.motion is None else record.motion.inner
     if own is not None:
@@ -254,7 +254,3 @@ def _on_reference(regressor: Regressor, record: EquationRecord) -> Signals:
 def _one_later(x: np.ndarray) -> np.ndarray:
     """Rows delayed by one sample, the first one twice."""
     return np.concatenate([x[:, :1], x[:, :-1]], axis=1)
-
-
-def _time_last(x: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(x.T)

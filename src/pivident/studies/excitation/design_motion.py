@@ -188,7 +188,8 @@ def _goal_missed(design: Design, goal: float, longest: float) -> str:
 def account(task: DesignTask, fine: FineCheck, motion: ExcitingMotion, best: Best) -> Design:
     """Everything that is known of a motion before the robot moves."""
     question, criterion = task.question, task.criterion
-    first = ExcitingMotion(motion.family, _or(best.first_coefficients, motion.coefficients))
+    found = motion.coefficients if best.first_coefficients is None else best.first_coefficients
+    first = ExcitingMotion(motion.family, found)
     information, of_record = task.predicted(motion)
     start, _ = task.predicted(first)
     rate = 2.0 * SAMPLES / motion.family.time_scale
@@ -260,10 +261,6 @@ def _torques(
         return None, None
     torque, margin = task.torques[-1].torque_and_margin(motion.sampled(PAGE_RATE))
     return torque, margin if task.known.covariance is not None else None
-
-
-def _or(value: np.ndarray | None, other: np.ndarray) -> np.ndarray:
-    return other if value is None else value
 
 
 def _criterion_words(task: DesignTask) -> str:

@@ -62,7 +62,8 @@ def speed_figure(joint: JointFriction) -> Figure:
     _law(plot, joint)
     low, high = common_speeds(joint.fit)
     note = (
-        f"lines: functions of speed with their 2σ bands; points: means over {_bins(joint)} bins, "
+        f"lines: functions of speed with their 2σ bands; points: means over "
+        f"{joint.maps['time'].value.size} bins, "
         f"2σ by passes; grey: the law of the estimate. Slower than {joint.torque.standstill:.2g} "
         f"{per} counts as standstill."
     )
@@ -272,10 +273,6 @@ def _law(plot: Plot, joint: JointFriction) -> None:
 def _sentence(joint: JointFriction, key: str) -> str:
     found: FrictionFinding | None = next((f for f in joint.findings if f.kind == key), None)
     return f"{joint.name}: {found.message}" if found else joint.name
-
-
-def _bins(joint: JointFriction) -> int:
-    return joint.maps["time"].value.size
 
 
 def _escaped(text: str) -> str:

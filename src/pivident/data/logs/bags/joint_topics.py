@@ -114,7 +114,8 @@ def one_source(parts: Sequence[Part], received: np.ndarray) -> tuple[list[Part],
         rest = [k for k, name in enumerate(names) if not any(name in own[0][0] for own in others)]
         if len(rest) < len(names):
             what = listed(sorted(_fields(names)), 4)
-            left_out.append(f"{sizes[names]} ({what} of {plural(_joints(names), 'joint')})")
+            alone = dict.fromkeys(name.rpartition("/")[2] for name in names)
+            left_out.append(f"{sizes[names]} ({what} of {plural(len(alone), 'joint')})")
         if rest:
             own = tuple(names[k] for k in rest)
             taken.append([(own, rows, x[:, rest], t) for _, rows, x, t in sources[names]])
@@ -139,10 +140,6 @@ def _changing(parts: Sequence[Part]) -> list[str]:
 def _fields(names: Sequence[str]) -> set[str]:
     """The arrays that are filled."""
     return {name.rpartition("/")[0] or name for name in names}
-
-
-def _joints(names: Sequence[str]) -> int:
-    return len({name.rpartition("/")[2] for name in names})
 
 
 def _alike(first: Sequence[Part], second: Sequence[Part], received: np.ndarray) -> bool:

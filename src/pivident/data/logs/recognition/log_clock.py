@@ -345,16 +345,12 @@ def column_series(columns: Sequence[str], joint_names: Sequence[str] = ()) -> li
             pattern,
             own,
             named,
-            read_words([w for w in pattern if w != JOINT], *_unit(own, bare)),
+            # with the unit of its first column, and the quantity that it implies
+            read_words([w for w in pattern if w != JOINT], *bare[next(iter(own.values()))][1:]),
             {key: unit for key, column in own.items() if (unit := bare[column][1]) is not None},
         )
         for (pattern, named, _), own in grouped.items()
     ]
-
-
-def _unit(own: Mapping[str, str], bare: Mapping[str, tuple[str, str | None, str | None]]):
-    """Unit of a series' first column, and the quantity that it implies."""
-    return bare[next(iter(own.values()))][1:]
 
 
 def _numbered(words: Sequence[str]) -> list[tuple[tuple[str, ...], str]]:

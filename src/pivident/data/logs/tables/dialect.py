@@ -247,7 +247,9 @@ def beginning(rows: Sequence[Sequence[str]], is_number: Callable[[str], bool]) -
         last = block[-2]
     elif len(block) == 2 and last == first - 1:
         last = block[0]
-    between = [k for k in range(last + 1, first) if not _mostly_numbers(rows[k], is_number)]
+    between = [
+        k for k in range(last + 1, first) if 2 * sum(map(is_number, rows[k])) <= len(rows[k])
+    ]
     below = len(between) if between == list(range(last + 1, last + 1 + len(between))) else 0
     return Beginning(last, tuple(rows[last]), below) if last else None
 
@@ -272,7 +274,3 @@ def _keyed(
 def _can_be_names(row: Sequence[str], is_number: Callable[[str], bool]) -> bool:
     """Whether the cells differ, no cell is a number, and none but the last is empty."""
     return all(row[:-1]) and len(set(row)) == len(row) and not any(map(is_number, row))
-
-
-def _mostly_numbers(row: Sequence[str], is_number: Callable[[str], bool]) -> bool:
-    return 2 * sum(map(is_number, row)) > len(row)

@@ -254,10 +254,6 @@ class Standing:
         return abs(value - NOMINAL_COVERAGE) if self.best == "nominal" else value
 
 
-def _missed(m: MethodSummary) -> float:
-    return float(m.failed + m.not_converged + m.simulations_diverged)
-
-
 #: What is compared, in the order of the page.
 STANDINGS = (
     Standing(
@@ -311,7 +307,7 @@ STANDINGS = (
         "Runs that went wrong",
         "Runs without an estimate, estimates that did not converge, and those with which the "
         "second motion cannot be simulated.",
-        _missed,
+        lambda m: float(m.failed + m.not_converged + m.simulations_diverged),
         lambda value: f"{value:.0f}",
         "none",
     ),
