@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from pivident.foundation.compiled import compiled
 
 #: Samples of a tile: long enough to vectorise, short enough for the caches.
 TILE = 128
@@ -20,7 +21,7 @@ _HALF_PI_1, _HALF_PI_2 = 2 * 7.85398125648498535156e-1, 2 * 3.774894707930798176
 _HALF_PI_3 = 2 * 2.69515142907905952645e-15
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@compiled(error_model="numpy", forceinline=True)
 def sine_and_cosine(x):
     """sin(x) and cos(x), error below 2e-16 where x is below ten million."""
     quarters = np.floor(x * (2.0 / math.pi) + 0.5)
@@ -43,7 +44,7 @@ def sine_and_cosine(x):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+@compiled(error_model="numpy", forceinline=True)
 def arctangent(x):
     r"""atan(x); five times as fast as the library's even for a single value."""
     a = abs(x)
@@ -65,7 +66,7 @@ def arctangent(x):
 #: A speed in place of zero where something is divided by it.
 REST = 1e-150
 
-_inlined = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+_inlined = compiled(error_model="numpy", forceinline=True)
 
 
 # What the generated functions of friction call.

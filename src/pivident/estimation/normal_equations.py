@@ -24,12 +24,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from pivident.dynamics.separation import is_separated, refusal, weakest_direction
 from pivident.estimation.covariance import white_noise_covariance
 from pivident.estimation.covariance.windows import Share
 from pivident.estimation.restrictions import Freedom, Restrictions
+from pivident.foundation.compiled import compiled
 from pivident.foundation.errors import IdentificationError
 
 #: Rows that are multiplied with each other at a time.
@@ -62,7 +62,7 @@ def products(left: np.ndarray, right: np.ndarray, part: slice) -> np.ndarray:
     return out
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+@compiled(fastmath={"contract", "reassoc"})
 def _add_products(left, right, left_start, right_start, samples, lower, out):
     """Add the products; with ``lower`` only those of the lower half, of which the upper is a copy.
 
@@ -92,7 +92,7 @@ def _add_products(left, right, left_start, right_start, samples, lower, out):
                 out[b, a] = out[a, b]
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+@compiled(fastmath={"contract", "reassoc"})
 def _add_block(left, right, i, j, t, u, count, out):
     """Four rows by four over a tile; views that begin at zero, or nothing becomes a vector."""
     a0, a1 = left[i, t : t + count], left[i + 1, t : t + count]

@@ -33,9 +33,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from scipy.signal import lfilter
 
+from pivident.foundation.compiled import compiled
 from pivident.foundation.errors import IdentificationError, OrdersNotSupported
 from pivident.linear.model import Structure
 from pivident.linear.sampled_data import SampledData, continuous_response
@@ -164,7 +164,7 @@ def iv_step(at: Linearised) -> tuple[np.ndarray, np.ndarray]:
     return step, np.linalg.inv(of_zeta) / np.outer(scale, scale)
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+@compiled(fastmath={"contract", "reassoc"})
 def _sums(zeta, phi, residual):
     """Σ ζ ζᵀ, Σ ζ φᵀ, Σ ζ ε and the diagonal of Σ φ φᵀ, in stretches that stay in the cache."""
     size, samples = zeta.shape

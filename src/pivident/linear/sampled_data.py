@@ -28,9 +28,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.signal import lfilter
 
+from pivident.foundation.compiled import compiled
 from pivident.foundation.errors import DelayTooLong, OrdersNotSupported, UnusableSignal
 from pivident.linear.model import Hold, LinearModel, Structure
 from pivident.linear.state_variable_filter import combined, filtered_derivatives
@@ -185,7 +185,7 @@ def _laguerre(external: np.ndarray, a: float, functions: int) -> np.ndarray:
     return np.concatenate(rows)
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+@compiled(fastmath={"contract", "reassoc"})
 def _moments(rows):
     """Σ_k v_ik v_jk of all pairs of rows, in stretches that stay in the cache."""
     size, samples = rows.shape

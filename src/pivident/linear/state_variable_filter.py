@@ -16,8 +16,8 @@ polynomial has n zeros close to z = 1, and its direct form loses (ω dt)^-n in a
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from pivident.foundation.compiled import compiled
 from pivident.linear.model import Hold
 
 #: 0.5^15 / 15! is 2e-17.
@@ -65,7 +65,7 @@ def discretised_chain(
     return phi, first - ramp, ramp, omega ** -powers.astype(float)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def small_exponential(matrix):
     """exp(M) of a few rows: Taylor series of M/2^s with norm below 1/2, squared s times.
 
@@ -89,7 +89,7 @@ def small_exponential(matrix):
     return total
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _product(a, b):
     """A B, without a BLAS."""
     size = len(a)
@@ -101,7 +101,7 @@ def _product(a, b):
     return out
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+@compiled(fastmath={"contract", "reassoc"})
 def combined(weights, rows):
     """Σ_i w_i rows_i, shape (samples,); too small a product for the threads of a BLAS."""
     total = weights[0] * rows[0]
@@ -111,7 +111,7 @@ def combined(weights, rows):
     return total
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def _run(phi, now, ahead, units, denominator, signal, out):
     """The recursion from X_0 = 0, into out (order + 1, samples), highest derivative first.
 

@@ -23,7 +23,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+
+from pivident.foundation.compiled import compiled
 
 #: Level below which a transient has ended and its recursion may stop.
 _OVER = 1e-13
@@ -107,7 +108,7 @@ class Point:
         return gradient, information / self.variance
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _innovations(v, bounds, d, c):
     """e, e*, an orthonormal basis of the transients, and Σ ln det(I + Z'Z)."""
     p, q = d.size - 1, c.size - 1
@@ -141,7 +142,7 @@ def _innovations(v, bounds, d, c):
     return e, before, basis, top, log_det
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _transients(samples, c):
     """(I, Z)' until the transients are over; row m answers a unit e* m + 1 samples before."""
     q = c.size - 1
@@ -160,7 +161,7 @@ def _transients(samples, c):
     return z
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _half_log_det_gradient(basis, top, bounds, c, p):
     """Gradient of Σ ½ ln det(I + Z'Z) with respect to c, which is Σ tr(Q' ∂Z/∂c R⁻¹)."""
     q = c.size - 1
@@ -183,7 +184,7 @@ def _half_log_det_gradient(basis, top, bounds, c, p):
     return gradient
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _normal_equations(v, e, before, basis, bounds, c, theta):
     """J'J and J'e, J = ∂e/∂θ with e* eliminated, that is without its part along the basis."""
     q = c.size - 1
@@ -226,7 +227,7 @@ def _normal_equations(v, e, before, basis, bounds, c, theta):
     return square, cross
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+@compiled(fastmath={"reassoc", "contract"})
 def _dot(x, y):
     """Σ x y; a library would start threads, which cost more than the product."""
     total = 0.0

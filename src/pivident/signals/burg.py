@@ -20,9 +20,8 @@ on a spectrum with a deep notch, the lattice is used.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from pivident.foundation.compiled import section
+from pivident.foundation.compiled import compiled, section
 
 #: Largest relative rounding of a sum of squares that does not matter: coefficients are estimates
 #: with errors of 1/√N, a thousand times as large.
@@ -51,7 +50,7 @@ def reflection_coefficients(v: np.ndarray, stops: np.ndarray, order: int) -> np.
     return by_lattice(v, stops, order)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def by_lattice(v, stops, order):
     """Reflection coefficients by the lattice.
 
@@ -106,7 +105,7 @@ def _reflect(f, b, k):
         b[i] = y + k * x
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def products(v, stops, order):
     """c_k of all stretches (each longer than order + 1), and the products at their ends.
 
@@ -142,7 +141,7 @@ def products(v, stops, order):
     return whole, head, tail
 
 
-@njit(cache=True, nogil=True, fastmath=_REORDERED)
+@compiled(fastmath=_REORDERED)
 def _sum(x, y):
     """Σ x y."""
     total = 0.0
@@ -151,7 +150,7 @@ def _sum(x, y):
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=_REORDERED)
+@compiled(fastmath=_REORDERED)
 def _four_sums(v, k, first, last):
     """Σ v_m v_{m-k} for k and the next three, first ≤ m < last; a sample serves all four."""
     x = v[first:last]
@@ -166,7 +165,7 @@ def _four_sums(v, k, first, last):
     return s0, s1, s2, s3
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def by_products(whole, head, tail, order):
     """Reflection coefficients from :func:`products`, and whether rounding is negligible in them."""
     reflections = np.zeros(order)

@@ -23,8 +23,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from pivident.foundation.compiled import compiled
 from pivident.signals.random_walk_likelihood import MAX_NVR, MIN_NVR, DiffuseFit, NvrEstimate
 from pivident.signals.random_walk_model import difference_coefficients, nvr_from_f50
 
@@ -120,7 +120,7 @@ def _noise(whitened: np.ndarray, differences: np.ndarray, ar: np.ndarray, order:
     return run(start, whitened)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _search(w, a, c, grid):
     """log10 NVR of largest likelihood: best grid point, then golden sections around it."""
     head = np.empty((w.size, max(a.size, c.size)))
@@ -144,7 +144,7 @@ def _search(w, a, c, grid):
     return (left + right) / 2
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _cost(w, a, c, log_nvr, head):
     """-log L at one NVR."""
     rows = _triangularise(a * 10.0 ** (log_nvr / 2), c, head, _SETTLED_IN_SEARCH)
@@ -152,7 +152,7 @@ def _cost(w, a, c, log_nvr, head):
     return -_likelihood(e, head, rows)[1]
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _solve(w, a, c, nvr):
     """Ω⁻¹ w, r̂ and log L at one NVR."""
     head = np.empty((w.size, max(a.size, c.size)))
@@ -163,7 +163,7 @@ def _solve(w, a, c, nvr):
     return e, variance, log_likelihood
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _triangularise(a, c, head, tolerance):
     """Rows of R until they settle, ``head[j]`` = R[j, j : j+band+1]; returns their number.
 
@@ -203,7 +203,7 @@ def _triangularise(a, c, head, tolerance):
     return n
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _forward(w, head, rows):
     """Solve Rᵀ e = w; from row ``rows`` on R is a constant row."""
     band = head.shape[1] - 1
@@ -224,7 +224,7 @@ def _forward(w, head, rows):
     return e
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _likelihood(e, head, rows):
     """r̂ = eᵀe/n and log L = -½ (n (ln 2π r̂ + 1) + ln det Ω)."""
     log_det = 2.0 * (e.size - rows) * math.log(head[rows - 1, 0])
@@ -236,7 +236,7 @@ def _likelihood(e, head, rows):
     return variance, -0.5 * (e.size * (math.log(2 * math.pi * variance) + 1) + log_det)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _backward(z, head, rows):
     """Solve R z = e in place of e."""
     band = head.shape[1] - 1

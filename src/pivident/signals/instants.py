@@ -18,7 +18,8 @@ solved for x.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from pivident.foundation.compiled import compiled
 
 
 def derivatives_at_instants(dq: np.ndarray, ddq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -52,7 +53,7 @@ def differences_at_instants(
         _differences_at_instants(q[j], rate, first, dq[j], ddq[j])
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _differences_at_instants(q, rate, first, dq, ddq):
     """The same for one joint; at the ends of the record the outermost differences repeat."""
     last, end = first + dq.size, q.size
@@ -79,7 +80,7 @@ def _differences_at_instants(q, rate, first, dq, ddq):
             out[-1] = x[-1]
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _take_off_second_difference(x, first, out, share):
     """Out = x - Δ²x / share from sample ``first`` of x on, as far as x has both neighbours."""
     skip = 1 if first == 0 else 0

@@ -26,9 +26,8 @@ from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
-from numba import njit
 
-from pivident.foundation.compiled import section
+from pivident.foundation.compiled import compiled, section
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.text.plain_values import As, Limits
 
@@ -209,7 +208,7 @@ def lower_predictors(fir: np.ndarray) -> np.ndarray:
     return made
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _begin_anew(x, seen, age, predictors, out):
     """Samples with fewer than p of their stretch before them, by the predictors of lower orders.
 
@@ -262,7 +261,7 @@ def _filter_rows(x, numerator, denominator, taps, state, history, out):
             )
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _filter_group(x, numerator, denominator, taps, state, history, out, first, last, side):
     """Some rows side by side; the tuple ``side`` makes their number a constant of the code."""
     past, order, lanes = taps.size - 1, state.shape[1], len(side)
@@ -302,7 +301,7 @@ def _filter_group(x, numerator, denominator, taps, state, history, out, first, l
             history[first + r, t] = inner[t * lanes + r]
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _aligned(size):
     """Zeros that begin on a cache line of 64 bytes."""
     memory = np.zeros(size + 8)
@@ -332,7 +331,7 @@ def _recursive(y, numerator, denominator, state, side):
             table[t, r] = now
 
 
-@njit(cache=True, nogil=True, fastmath={"contract"})
+@compiled(fastmath={"contract"})
 def _convolve(x, taps, y, side):
     """y_t = Σ_k taps_k x_{t + past - k}: taps outside, samples inside, so that it vectorises.
 

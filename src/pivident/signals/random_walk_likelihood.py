@@ -25,9 +25,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
-from pivident.foundation.compiled import section
+from pivident.foundation.compiled import compiled, section
 from pivident.signals.random_walk_model import difference_coefficients, nvr_from_f50
 
 #: Smallest NVR at which the smoothed acceleration keeps about three digits, by order.
@@ -99,7 +98,7 @@ def innovations_model(nvr: float, order: int) -> tuple[np.ndarray, float]:
     return theta[: order + 1], f0
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _spectral_factor(nvr, order):
     """θ padded with zeros to degree four, f0, and the modulus of the slowest root of θ."""
     theta, real = np.zeros(5, dtype=np.complex128), np.zeros(5)
@@ -123,7 +122,7 @@ def _spectral_factor(nvr, order):
     return real, f0.real, slowest
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _search(y, w, d, grid):
     """log10 NVR of largest likelihood: best grid point, then golden sections around it."""
     best, lowest = 0, np.inf
@@ -146,14 +145,14 @@ def _search(y, w, d, grid):
     return (left + right) / 2
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _cost(y, w, d, log_nvr):
     """-log L at one NVR."""
     head, c, _, f0 = _factorise(y, w, d, 10.0**log_nvr)
     return -_likelihood(head, c, f0)[1]
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _smooth(y, w, d, nvr):
     """T, r̂ and log L at one NVR."""
     head, c, theta, f0 = _factorise(y, w, d, nvr)
@@ -163,7 +162,7 @@ def _smooth(y, w, d, nvr):
     return level, variance, log_likelihood
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _factorise(y, w, d, nvr):
     """Rows of R until they settle, c = R⁻ᵀ w, and the settled row as θ and f0."""
     order = len(d) - 1
@@ -176,7 +175,7 @@ def _factorise(y, w, d, nvr):
     return head, c, theta, f0
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _likelihood(head, c, f0):
     """r̂ and log L of a factored record; r̂ = 0 means a record without noise."""
     # Four sums, because a single one would depend on itself at every sample.

@@ -25,7 +25,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
 from pivident.estimation.literature.rows import (
     NormalEquations,
@@ -36,6 +35,7 @@ from pivident.estimation.literature.rows import (
     windows_covariance,
 )
 from pivident.estimation.problem import Problem
+from pivident.foundation.compiled import compiled
 from pivident.foundation.options import option
 from pivident.foundation.text.finding import Finding
 
@@ -121,7 +121,7 @@ def _in_order(rows: Rows, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
     return phi, tau, used
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _epoch(phi, tau, used, step, theta):
     """θ ← θ + μ φ (τ - φᵀθ), row by row, joint by joint."""
     for t in range(len(phi)):

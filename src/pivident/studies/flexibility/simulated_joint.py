@@ -13,10 +13,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from pivident.data.recording.recording import Recording
+from pivident.foundation.compiled import compiled
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.text.display import Displayed
 
@@ -239,7 +239,7 @@ def _counted(x: np.ndarray, step: float) -> np.ndarray:
     return np.round(x / step) * step if step > 0 else x
 
 
-@numba.njit(cache=True)
+@compiled()
 def _accelerations(numbers, faults, qm, vm, ql, vl, tau):
     """Accelerations of motor and load."""
     jm, fvm, fcm, om, jl, fvl, fcl, ol, k, d, gs, gc, gamma = numbers
@@ -263,7 +263,7 @@ def _accelerations(numbers, faults, qm, vm, ql, vl, tau):
     return am, al
 
 
-@numba.njit(cache=True)
+@compiled()
 def _run(numbers, law, faults, q_ref, dq_ref, forward, noise, step, rate, steps, rest, out):
     """The loop: read, command, integrate."""
     kp, kd, lag = law

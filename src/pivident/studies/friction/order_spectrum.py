@@ -22,7 +22,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+
+from pivident.foundation.compiled import compiled
 
 #: Orders per independent order.
 OVERSAMPLING = 4
@@ -212,7 +213,7 @@ def _response(coefficients: np.ndarray) -> np.ndarray:
     return np.polyval(coefficients[::-1], np.exp(-1j * omega)).astype(complex)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@compiled(fastmath=True)
 def _scan(lowest, spacing, count, white, angle, step, response, top):
     """Normal equations of cosine and sine at each order, and moments of the angle."""
     rows = white.size

@@ -19,8 +19,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from pivident.foundation.compiled import compiled
 from pivident.foundation.golden_section import lowest
 
 #: Variance of level and slope before the first sample, in units of the noise variance.
@@ -43,7 +43,7 @@ class SmoothedParameter:
     noise_variance: float  # r̂ of the one-step-ahead errors
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _filter(u, z, y, nvr, order, store):
     """Forward pass; rows of ``store``: a0 a1 P00 P01 P11 v F K0 K1, before each update."""
     a0 = a1 = 0.0
@@ -83,7 +83,7 @@ def _filter(u, z, y, nvr, order, store):
     return log_f, squares, count
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _smooth(u, z, store, value, variance):
     """Backward pass: a + P r and P - P N P."""
     r0 = r1 = 0.0
