@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from functools import cache
 
 from jinja2 import Environment
@@ -46,8 +45,10 @@ def templates() -> Environment:
 @cache
 def asset(name: str) -> tuple[bytes, str, str]:
     """Content, media type, and a mark that changes with the content."""
-    make: Callable[[], str] = library_text if name == "plotly.js" else lambda: _put_together(name)
-    content = make().encode("utf-8")
+    parts = (
+        [] if name == "plotly.js" else [templates().get_template(p).render() for p in PARTS[name]]
+    )
+    content = ("\n".join(parts) if parts else library_text()).encode("utf-8")
     return content, _KINDS[name.rpartition(".")[2]], hashlib.sha256(content).hexdigest()[:16]
 
 
@@ -55,7 +56,3 @@ def asset_address(name: str) -> str:
     """Address of a script or style, another one for another content; a browser keeps each."""
     mark = "library" if name == "plotly.js" else asset(name)[2]
     return f"/static/{name}?v={mark}"
-
-
-def _put_together(name: str) -> str:
-    return "\n".join(templates().get_template(part).render() for part in PARTS[name])

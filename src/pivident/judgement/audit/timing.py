@@ -247,7 +247,7 @@ def _one_clock(
         text += " New samples are made at equal intervals, as requested by resample = true."
         findings.append(replace(harmless, message=text))
         regular = False
-    elif largest > JITTER_TOLERANCE and log.rate and not _moves_as_stamped(log, t):
+    elif largest > JITTER_TOLERANCE and log.rate and not _error_of_stamps(log, t) < 1.0 / EVEN:
         text += f" The samples are taken for equally spaced, as rate = {log.rate:.6g} says."
         findings.append(replace(harmless, message=text))
     elif largest > JITTER_TOLERANCE:
@@ -308,11 +308,6 @@ def _error_of_stamps(log: Log, t: np.ndarray) -> float:
     use = np.isfinite(q).all(axis=1) & np.isfinite(t)
     use &= np.diff(np.fmax.accumulate(np.where(use, t, -np.inf)), prepend=-np.inf) > 0
     return stamp_error(q[use], t[use])
-
-
-def _moves_as_stamped(log: Log, t: np.ndarray) -> bool:
-    """Whether the motion contradicts equally spaced samples."""
-    return _error_of_stamps(log, t) < 1.0 / EVEN
 
 
 def _resample_or_rate(log: Log, t: np.ndarray) -> tuple[str, list[Repair]]:

@@ -89,10 +89,6 @@ def _what_they_cure(used: InstrumentsUsed) -> str:
     )
 
 
-def _others(used: InstrumentsUsed) -> str:
-    return "; ".join(f"{title} ({why})" for title, why in used.others)
-
-
 def strength(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """Whether the instruments are relevant and not contradicted."""
     tests = diagnostics.instruments.get(name)
@@ -128,7 +124,8 @@ def strength(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         step = "Log the reference of the motion, or repeat the motion."
     yield Finding(severity, "instruments", kind, text, "", step, evidence, basis)
     if used is not None and used.others:
-        text = f"Other instruments that were considered: {_others(used)}."
+        others = "; ".join(f"{title} ({why})" for title, why in used.others)
+        text = f"Other instruments that were considered: {others}."
         yield Finding("note", "instruments", "others", text)
     more = tests.overidentification
     if more.matters:

@@ -329,7 +329,9 @@ def _grown(
         new = _tried(judge, name, starts, changes if number else signs, known, say)
         if not new:
             continue
-        scores = _compared(judge, [*scores, *new])
+        scores = [*scores, *new]
+        # the effective number of rows is that of the residual of the best law
+        scores = with_criterion(scores, *judge.effective(min(scores, key=lambda s: s.rms)))
         current = next(s for s in scores if s.name == path[-1].name)
         new = judged(scores[-len(new) :], current, judge.divisions, tests)
         better = [s for s in new if not s.verdict]
@@ -368,11 +370,6 @@ def _tried(
             kept = (GAMMA,) if steep else ()
             new.append(judge.score(title, law, free_constants(change, law), kept))
     return new
-
-
-def _compared(judge: JointJudge, scores: Sequence[LawScore]) -> list[LawScore]:
-    """Scores with criteria, the effective number of rows from the residual of the best law."""
-    return with_criterion(scores, *judge.effective(min(scores, key=lambda s: s.rms)))
 
 
 def _own_sums(last: LastPass, joint: int, cells: Cells) -> SegmentSums:

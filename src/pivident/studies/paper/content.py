@@ -194,7 +194,9 @@ def page_content(
         "points": stated()["points_per_revolution"],
         "experiment": _experiment(readings),
         "readings": [
-            (name, meaning, _torques(readings[name])) for name, meaning in _known(readings)
+            (name, meaning, _torques(readings[name]))
+            for name, meaning in READINGS.items()
+            if name in readings
         ],
         "claims": judged,
         "verdict_line": _verdict_line(judged),
@@ -219,10 +221,6 @@ def page_content(
         ),
         **public_tables(record),
     }
-
-
-def _known(readings: Mapping[str, Reading]) -> list[tuple[str, str]]:
-    return [(name, meaning) for name, meaning in READINGS.items() if name in readings]
 
 
 def _lead(judged: Sequence[Claim]) -> str:

@@ -167,8 +167,8 @@ def render_page(judgement: Judgement) -> str:
     environment = page_environment("pivident.studies.many.fleet")
     environment.globals |= {
         "rate": _rate_text,
-        "digits": _digits,
-        "percent_of": _percent,
+        "digits": lambda value: f"{value:.4g}" if math.isfinite(value) else "–",
+        "percent_of": lambda share: f"{100.0 * share:+.3g} %" if math.isfinite(share) else "–",
         "alarm_numbers": _alarm_numbers,
         "counted": plural,
     }
@@ -240,14 +240,6 @@ def _alarm_numbers(alarm: Alarm) -> tuple[str, str, str]:
     values = (with_spread(x, half)[0] for x in (alarm.change, alarm.low, alarm.high))
     change, low, high = (x if x.startswith("-") else f"+{x}" for x in values)
     return change, low, high
-
-
-def _digits(value: float) -> str:
-    return f"{value:.4g}" if math.isfinite(value) else "–"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:+.3g} %" if math.isfinite(share) else "–"
 
 
 PARAMETERS, ALARMS, PAGE = "parameters.parquet", "alarms.json", "fleet.html"
