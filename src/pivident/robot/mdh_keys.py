@@ -64,14 +64,12 @@ def _gravity(value: Any) -> Any:
     return value
 
 
-def _joint_reference(value: Any) -> Any:
-    return str(value) if type(value) is int else value
-
-
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Vector6 = Annotated[list[float], Field(min_length=6, max_length=6)]
 Gravity = Annotated[Vector3, BeforeValidator(_gravity)]
-JointReference = Annotated[str, BeforeValidator(_joint_reference)]
+JointReference = Annotated[
+    str, BeforeValidator(lambda value: str(value) if type(value) is int else value)
+]
 
 
 class Entry(BaseModel):

@@ -98,10 +98,6 @@ def _folder(out: str, given: Mapping[str, Any]) -> list[str]:
     return ["--out", out]
 
 
-def _prints(out: str, given: Mapping[str, Any]) -> list[str]:
-    return []
-
-
 def _file(out: str, given: Mapping[str, Any]) -> list[str]:
     """The exported file; Rerun also needs the log."""
     to = given["to"][1]
@@ -230,7 +226,7 @@ STEPS: dict[str, Step] = {
             Argument("least_squares", "flag", "Also by least squares", "--least-squares"),
         ),
         _experiment,
-        _prints,
+        lambda out, given: [],
     ),
     "excite": Step(
         "Design a motion",

@@ -279,7 +279,8 @@ def _joints(
         order = [error.joint_names[k] for k in sorted(worst)]
     made = []
     for name in order:
-        own = [_first(by_joint[name], stems) for _, stems in shown]
+        known = by_joint[name]
+        own = [next((known[s] for s in stems if s in known), None) for _, stems in shown]
         weak = any(row is not None and row.includes_zero for row in own)
         torque, said = _of_joint(error, name, units[name])
         cells = tuple("" if row is None else " ± ".join(row.value_and_spread) for row in own)
@@ -290,10 +291,6 @@ def _joints(
     )
     titles = tuple(f"{title} {own}".rstrip() for (title, _), own in zip(shown, unit, strict=False))
     return titles, tuple(made)
-
-
-def _first(own: dict[str, ParameterRow], stems: Sequence[str]) -> ParameterRow | None:
-    return next((own[stem] for stem in stems if stem in own), None)
 
 
 def _of_joint(error: PredictionError | None, name: str, unit: str) -> tuple[str, str]:

@@ -25,6 +25,7 @@ from pivident.dynamics.signs import negative_parameters
 from pivident.estimation.identify import identify
 from pivident.estimation.method import Method
 from pivident.estimation.problem import Problem
+from pivident.estimation.signal_recipes import Bandpass
 from pivident.foundation.errors import PividentError
 from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.numbers import percent
@@ -266,6 +267,7 @@ def _trial(
     try:
         slower = math.prod(e.factor for e in _edits(one.repair) if isinstance(e, Retimed))
         band = given.prediction.band / slower
+        method = _at_pace(method, 1.0 / slower)
         other = _judged(one.carried_out(problem), method, folds, gap, band)
     except PividentError:
         return trial
@@ -276,6 +278,16 @@ def _trial(
     elif ratio.value > (CONTRADICTED if one.rank == 0 else 1.0 + SAME):
         outcome = "worse"
     return replace(trial, outcome=outcome, after=other.prediction.total_moving_in_band)
+
+
+def _at_pace(method: Method, factor: float) -> Method:
+    """The same filters for a motion that is so many times as fast as the log's clock says."""
+    signals = getattr(method, "signals", None)
+    if factor == 1.0 or not isinstance(signals, Bandpass):
+        return method
+    cutoff = signals.cutoff and tuple(factor * np.atleast_1d(signals.cutoff))
+    bandwidth = signals.bandwidth and factor * signals.bandwidth
+    return replace(method, signals=replace(signals, cutoff=cutoff, bandwidth=bandwidth))
 
 
 def _judged(

@@ -66,7 +66,8 @@ def coupling_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
     for pair in combinations(range(robot.size), 2):
         yield _cause([names[j] for j in pair], shared, _Pair(phases, *pair), 13, is_smooth=True)
     for three in combinations(range(robot.size), 3):
-        if not any(_carries(robot, i, k) for i, k in combinations(three, 2)):
+        carried = ((robot.places[i], robot.places[k]) for i, k in combinations(three, 2))
+        if not any(i in robot.tree.ancestors(k) for i, k in carried):  # loops cut
             columns = _Three(phases, three)
             yield _cause([names[j] for j in three], shared, columns, 6, is_smooth=True)
     for i, k in permutations(range(robot.size), 2):
@@ -174,11 +175,6 @@ def _slope(robot: Robot, *joints: int) -> float:
     """Slope of the smoothed sign of a motor's friction: the flatter one of its joints' [s/rad]."""
     own = [robot.joints[j] for j in joints]
     return min(max(joint.friction.slopes, default=joint.default_gamma) for joint in own)
-
-
-def _carries(robot: Robot, joint: int, other: int) -> bool:
-    """Whether a joint moves another one, loops cut."""
-    return robot.places[joint] in robot.tree.ancestors(robot.places[other])
 
 
 def _cause(

@@ -48,6 +48,7 @@ from pivident.judgement.model_errors.unchecked_causes import (
     unchecked_causes,
 )
 from pivident.judgement.model_errors.wrench_errors import wrench_causes
+from pivident.judgement.validation.held_out.prediction import motion_band
 from pivident.loop.motion.motion import Kinematics
 from pivident.robot.description import Robot
 
@@ -200,7 +201,7 @@ def all_causes(problem: Problem, found: Identification, reach: Reach) -> list[Ca
     robot = problem.robot
     names = [r.name for r in problem.recordings]
     return [
-        *torque_causes(robot),
+        *torque_causes(robot, max(map(motion_band, problem.recordings))),
         *geometry_causes(robot),
         *motion_causes(robot),
         *missing_causes(robot, found.parameters, names),

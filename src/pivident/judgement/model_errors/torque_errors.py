@@ -40,20 +40,25 @@ from pivident.signals.cubic_spline import cubic_spline
 #: Milliseconds, the unit of delays [s].
 MILLISECOND = 1e-3
 
-#: Largest sizes that are believed: a delay shorter than a radian of the motion's highest frequency.
-LARGEST = {"ms": 8.0, "%": 30.0}
+#: Largest sizes that are believed.
+LARGEST = {"%": 30.0}
 
 
-def torque_causes(robot: Robot) -> Iterator[Cause]:
-    """Delay and gain of all torques and of each, ripple of each, ratio of each gear, the clock."""
-    yield _delay(robot, None)
+def torque_causes(robot: Robot, band: float) -> Iterator[Cause]:
+    """Delay and gain of all torques and of each, ripple of each, ratio of each gear, the clock.
+
+    ``band``: highest frequency of the motion [Hz], of which a delay that is believed is less than a
+    radian: 8 ms of 20 Hz.
+    """
+    longest = 1.0 / (2.0 * np.pi * band * MILLISECOND)
+    yield _delay(robot, None, longest)
     yield _gain_of_all()
     yield _clock()
     for j, joint in enumerate(robot.joints):
         if joint.motion != "driven":
             continue
         if robot.size > 1:
-            yield _delay(robot, j)
+            yield _delay(robot, j, longest)
         yield _gain(joint.name, j)
         if robot.torque_side == "motor":
             yield _ratio(joint.name, j, "ratio" if joint.kind == "revolute" else "pitch")
@@ -62,7 +67,7 @@ def torque_causes(robot: Robot) -> Iterator[Cause]:
                 yield _ripple(joint.name, j, motor, joint.torque_unit)
 
 
-def _delay(robot: Robot, joint: int | None) -> Cause:
+def _delay(robot: Robot, joint: int | None, longest: float) -> Cause:
     """-dτ/dt of one joint, or of all."""
 
     def columns(motion: RecordMotion) -> np.ndarray:
@@ -74,7 +79,7 @@ def _delay(robot: Robot, joint: int | None) -> Cause:
 
     name = "" if joint is None else robot.joint_names[joint]
     what = "torques logged later than positions"
-    return Cause("delay", name, what, "ms", columns, 1, correct, LARGEST["ms"])
+    return Cause("delay", name, what, "ms", columns, 1, correct, longest)
 
 
 def _gain(name: str, j: int) -> Cause:

@@ -243,7 +243,7 @@ def page_environment(*packages: str) -> Environment:
     }
     environment.globals |= {
         "with_spread": with_spread,
-        "method_class": _method_class,
+        "method_class": lambda method: f"m{method % len(METHOD_COLOURS)}",
         "page_scripts": PAGE_SCRIPTS,
         "drawing_library": drawing_library,
         "method_colours": METHOD_COLOURS,
@@ -258,11 +258,6 @@ def page_environment(*packages: str) -> Environment:
 def _script_json(figure: Figure) -> Markup:
     """A figure as JSON that is safe inside a script element."""
     return htmlsafe_json_dumps(figure.plot.content(), to_json)
-
-
-def _method_class(method: int) -> str:
-    """CSS class of a method's colour."""
-    return f"m{method % len(METHOD_COLOURS)}"
 
 
 def _sentence(text: str) -> Markup:

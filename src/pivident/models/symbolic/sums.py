@@ -101,7 +101,12 @@ class Rotations:
         if last is not None and last.about == about:
             self.factors.pop()
             angle = collected(last.angle + angle)
-        elif last is not None and about == "z" and _is_half_turn(last.angle):
+        elif (
+            about == "z"
+            and last is not None
+            and isinstance(last.angle, Constant)
+            and abs(abs(last.angle.value) - math.pi) < EXACT
+        ):
             self.factors.pop()
             self.append("z", -angle)
             self.append("x", last.angle)
@@ -138,10 +143,6 @@ class Rotations:
         for about, angle in self.factors:
             a = (back_about_z if about == "z" else back_about_x)(turn(angle), a)
         return a
-
-
-def _is_half_turn(angle: Expression) -> bool:
-    return isinstance(angle, Constant) and abs(abs(angle.value) - math.pi) < EXACT
 
 
 Vector = tuple[Expression, Expression, Expression]
