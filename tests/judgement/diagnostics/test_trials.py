@@ -27,6 +27,8 @@ from pivident.judgement.diagnostics.repair_search import search
 from pivident.judgement.diagnostics.repaired_problem import repaired
 from pivident.judgement.diagnostics.trials import consequences, tried
 from pivident.judgement.diagnostics.verdict import verdict
+from pivident.judgement.model_errors.named_causes import named_causes
+from pivident.judgement.validation.held_out.cross_validation import cross_validate
 from pivident.robot.urdf import parse_urdf
 from tests.other_arms import Setting, make_log
 
@@ -53,6 +55,16 @@ def after(problem: Problem, *edits) -> Problem:
 
 def joint(problem: Problem, number: int) -> str:
     return problem.robot.joint_names[number]
+
+
+@pytest.fixture(scope="module")
+def slow() -> Problem:
+    """The same log at 29 Hz."""
+    log = make_log(5, SETTING, joints=4)
+    q, tau, dq = (x[::7] for x in (log.q, log.tau, log.dq))
+    rate = SETTING.rate / 7
+    record = Recording("run", log.arm.joint_names, q, tau, rate, torque_timing="sampled", dq=dq)
+    return Problem(parse_urdf(log.arm.urdf), (record,))
 
 
 def test_nothing_is_found_in_a_right_log(right):
@@ -92,6 +104,26 @@ def test_two_faults_are_found_one_after_the_other(right):
     )
     candidates = search(ReadingRows.of(wrong))
     assert {type(one.repair.edits[0]) for one in candidates} == {Reversed, Shifted}
+
+
+@pytest.mark.parametrize("factor", [2.0, 0.5])
+def test_a_clock_on_trial_has_the_filters_of_its_motion(slow, factor):
+    """Those of the log as it is would leave too few rows, or a motion of twice the band."""
+    wrong = after(slow, Retimed(factor=factor))
+    first = tried(wrong, (), METHODS["ls"].settled(wrong), 3)[0]
+    own = METHODS["ls"].settled(slow)
+    right = cross_validate(slow, own, folds=3).prediction.total_moving_in_band
+    assert first.wins and first.after == pytest.approx(right, rel=1e-3)
+
+
+def test_a_late_torque_of_a_slow_log_is_named(slow):
+    """By 15 ms, more than any delay at 200 Hz that is believed."""
+    late = replace(slow, recordings=(replace(slow.recordings[0], delay=-0.015),))
+    first = named_causes(late, identify(late, "piv")).named[0]
+    assert str(first.cause) == "delay: torques logged later than positions"
+    assert first.size[0] == pytest.approx(15.0, abs=1.0)
+    right = named_causes(slow, identify(slow, "piv")).named
+    assert "delay" not in [one.cause.kind for one in right]
 
 
 @pytest.mark.parametrize("factor", [2.0, 0.5])
