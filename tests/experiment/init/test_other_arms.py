@@ -45,3 +45,16 @@ def test_half_a_sample_is_noticed_where_noise_is_larger(seed, tmp_path):
     draft = draft_experiment([log], str(robot), out=tmp_path / "experiment.toml")
     (line,) = (a for a in draft.assumptions if (a.table, a.key) == ("recording", "torque_timing"))
     assert line.value == "sampled" and "later than one that is held" in line.seen
+
+
+@pytest.mark.parametrize(
+    ("rate", "noise", "expected"), [(40.0, 0.3, "sampled"), (200.0, 0.3, None)]
+)
+def test_a_slow_log_that_leaves_the_instant_open_has_values_at_it(rate, noise, expected, tmp_path):
+    """No loop holds a torque for 25 ms; one of 5 ms may be held, and a file says so where it is."""
+    made = make_log(22, Setting("regular", rate, 12.0, 0.5, noise, "none", 0.6))
+    log, robot = made.write(tmp_path)
+    draft = draft_experiment([log], str(robot), out=tmp_path / "experiment.toml")
+    lines = [a for a in draft.assumptions if (a.table, a.key) == ("recording", "torque_timing")]
+    assert [line.value for line in lines] == [expected] * (expected is not None)
+    assert all(line.sure == "assumed" and "for 25 ms" in line.seen for line in lines)

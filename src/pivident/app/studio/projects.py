@@ -272,12 +272,8 @@ class Projects:
             earlier = self._earlier(project)
             with atomic_folder(project.folder) as build:
                 if now:
-                    kept = (
-                        build
-                        / HIDDEN
-                        / "earlier"
-                        / f"{int(earlier[-1].stem) + 1 if earlier else 1:06d}.toml"
-                    )
+                    number = int(earlier[-1].stem) + 1 if earlier else 1
+                    kept = build / HIDDEN / "earlier" / f"{number:06d}.toml"
                     kept.parent.mkdir(parents=True)
                     kept.write_bytes(now.encode("utf-8"))
                 (build / EXPERIMENT).write_bytes(text.encode("utf-8"))
