@@ -282,7 +282,7 @@ def _trial(
 
 def _at_pace(method: Method, factor: float) -> Method:
     """The same filters for a motion that is so many times as fast as the log's clock says."""
-    signals = getattr(method, "signals", None)
+    signals = method.signals
     if factor == 1.0 or not isinstance(signals, Bandpass):
         return method
     cutoff = signals.cutoff and tuple(factor * np.atleast_1d(signals.cutoff))
