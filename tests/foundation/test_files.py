@@ -8,7 +8,7 @@ import pytest
 
 from pivident.foundation import files
 from pivident.foundation.errors import PividentError
-from pivident.foundation.files import atomic_folder
+from pivident.foundation.files import atomic_folder, check_output
 
 
 def content(folder: Path) -> dict[str, str]:
@@ -93,6 +93,11 @@ def test_read_only_folder_on_disk(tmp_path):
     folder.mkdir(mode=0o555)
     with pytest.raises(PividentError, match="Permission denied"), atomic_folder(folder):
         pass
+
+
+def test_a_name_that_no_file_system_has(tmp_path):
+    with pytest.raises(PividentError, match=r"cannot write to .*too long; choose another --out"):
+        check_output(tmp_path / ("a" * 5000))
 
 
 def test_folder_below_a_file(tmp_path):

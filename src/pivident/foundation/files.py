@@ -89,7 +89,12 @@ def keep(path: Path, content: bytes) -> None:
 def check_output(folder: Path) -> None:
     """Refuse an output folder that could not be written after minutes of work."""
     folder = folder.absolute()
-    existing = next(path for path in (folder, *folder.parents) if path.exists())
+    try:
+        existing = next(path for path in (folder, *folder.parents) if path.exists())
+    except OSError as error:  # a name that no file system has
+        raise PividentError(
+            f"cannot write to {folder}: {error.strerror}", advice="choose another --out"
+        ) from None
     if not existing.is_dir():
         raise PividentError(
             f"cannot write to {folder}: {existing} is a file", advice="choose another --out"

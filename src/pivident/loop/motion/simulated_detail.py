@@ -67,7 +67,7 @@ def with_simulated_detail(kinematics: Kinematics, motion: SimulatedMotion) -> Ki
         if smoother is not None:
             detail[0] = motion.q[j] - smoother.smoothed(motion.q[j])
             taken = kinematics.recording.q[inside, j] - kinematics.q[j, inside]
-            if _square(taken - detail[0, inside]) > (1.0 + CONTRADICTED) * _square(taken):
+            if np.sum((taken - detail[0, inside]) ** 2) > (1.0 + CONTRADICTED) * np.sum(taken**2):
                 detail[:] = 0.0
         differences_at_instants(detail, motion.rate, 0, dq[own], ddq[own])
         q[j] = kinematics.q[j] + detail[0]
@@ -76,10 +76,6 @@ def with_simulated_detail(kinematics: Kinematics, motion: SimulatedMotion) -> Ki
 
     run_in_threads(add, range(len(q)))
     return replace(kinematics, q=q, dq=dq, ddq=ddq)
-
-
-def _square(x: np.ndarray) -> float:
-    return float(x @ x)
 
 
 #: Share of its band up to which a smoother S of third order leaves 98 % of a motion.
