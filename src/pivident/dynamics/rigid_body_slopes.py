@@ -53,7 +53,8 @@ def slope_scratch(joints: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @_inline
-def _cross(ax, ay, az, bx, by, bz):
+def cross(ax, ay, az, bx, by, bz):
+    """A × b of numbers, which stay in registers."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
@@ -105,7 +106,7 @@ def place_links(parent, prismatic, pose, inertia, links, body):
             links[i, _S], links[i, _S + 1], links[i, _S + 2] = zx, zy, zz
             links[i, _S + 3], links[i, _S + 4], links[i, _S + 5] = 0.0, 0.0, 0.0
         else:
-            links[i, _S], links[i, _S + 1], links[i, _S + 2] = _cross(
+            links[i, _S], links[i, _S + 1], links[i, _S + 2] = cross(
                 links[i, 9], links[i, 10], links[i, 11], zx, zy, zz
             )
             links[i, _S + 3], links[i, _S + 4], links[i, _S + 5] = zx, zy, zz
@@ -152,10 +153,10 @@ def _add_flow(body, row, links, i):
         body, row, links[i, _A], links[i, _A + 1], links[i, _A + 2],
         links[i, _A + 3], links[i, _A + 4], links[i, _A + 5],
     )  # fmt: skip
-    cx, cy, cz = _cross(wx, wy, wz, px, py, pz)
+    cx, cy, cz = cross(wx, wy, wz, px, py, pz)
     links[i, _F], links[i, _F + 1], links[i, _F + 2] = fx + cx, fy + cy, fz + cz
-    cx, cy, cz = _cross(wx, wy, wz, lx, ly, lz)
-    dx, dy, dz = _cross(vx, vy, vz, px, py, pz)
+    cx, cy, cz = cross(wx, wy, wz, lx, ly, lz)
+    dx, dy, dz = cross(vx, vy, vz, px, py, pz)
     links[i, _F + 3], links[i, _F + 4] = nx + cx + dx, ny + cy + dy
     links[i, _F + 5] = nz + cz + dz
     links[i, _P], links[i, _P + 1], links[i, _P + 2] = px, py, pz
@@ -164,9 +165,9 @@ def _add_flow(body, row, links, i):
     hx, hy, hz = body[row, 6], body[row, 7], body[row, 8]
     trace, along = xx + yy + zz, 2.0 * (hx * vx + hy * vy + hz * vz)
     # columns of ω × J
-    a00, a10, a20 = _cross(wx, wy, wz, xx, xy, xz)
-    a01, a11, a21 = _cross(wx, wy, wz, xy, yy, yz)
-    a02, a12, a22 = _cross(wx, wy, wz, xz, yz, zz)
+    a00, a10, a20 = cross(wx, wy, wz, xx, xy, xz)
+    a01, a11, a21 = cross(wx, wy, wz, xy, yy, yz)
+    a02, a12, a22 = cross(wx, wy, wz, xz, yz, zz)
     links[i, _N] = 2.0 * (a00 - vx * hx) + along
     links[i, _N + 1] = 2.0 * (a01 - vx * hy) + trace * wz
     links[i, _N + 2] = 2.0 * (a02 - vx * hz) - trace * wy
@@ -181,7 +182,7 @@ def _add_flow(body, row, links, i):
 @_inline
 def _swung(links, i, wx, wy, wz):
     """B x of the links beyond joint i, for a motion that turns by w."""
-    fx, fy, fz = _cross(wx, wy, wz, links[i, _P], links[i, _P + 1], links[i, _P + 2])
+    fx, fy, fz = cross(wx, wy, wz, links[i, _P], links[i, _P + 1], links[i, _P + 2])
     return (
         2.0 * fx,
         2.0 * fy,
@@ -209,9 +210,9 @@ def torque_slopes(parent, gravity, links, body, by_position, by_speed):
             z0, z1, z2 = links[k, _SWING + 3], links[k, _SWING + 4], links[k, _SWING + 5]
             vx, vy, vz = links[p, _V], links[p, _V + 1], links[p, _V + 2]
             ox, oy, oz = links[p, _V + 3], links[p, _V + 4], links[p, _V + 5]
-            ax, ay, az = _cross(ox, oy, oz, y0, y1, y2)
-            bx, by, bz = _cross(vx, vy, vz, z0, z1, z2)
-            cx, cy, cz = _cross(ox, oy, oz, z0, z1, z2)
+            ax, ay, az = cross(ox, oy, oz, y0, y1, y2)
+            bx, by, bz = cross(vx, vy, vz, z0, z1, z2)
+            cx, cy, cz = cross(ox, oy, oz, z0, z1, z2)
             links[k, _BEND] += ax + bx
             links[k, _BEND + 1] += ay + by
             links[k, _BEND + 2] += az + bz
@@ -222,14 +223,14 @@ def torque_slopes(parent, gravity, links, body, by_position, by_speed):
             y0, y1, y2, z0, z1, z2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for c in range(6):
                 links[k, _SWING + c], links[k, _BEND + c] = 0.0, 0.0
-            links[k, _BEND], links[k, _BEND + 1], links[k, _BEND + 2] = _cross(
+            links[k, _BEND], links[k, _BEND + 1], links[k, _BEND + 2] = cross(
                 -gravity[0], -gravity[1], -gravity[2], w0, w1, w2
             )
         # C S and the turning part of Bᵀ S, for the joints before k
         c0, c1, c2, c3, c4, c5 = _inertia_times(body, n + k, s0, s1, s2, w0, w1, w2)
         links[k, _CARRIED], links[k, _CARRIED + 1], links[k, _CARRIED + 2] = c0, c1, c2
         links[k, _CARRIED + 3], links[k, _CARRIED + 4], links[k, _CARRIED + 5] = c3, c4, c5
-        bx, by, bz = _cross(links[k, _P], links[k, _P + 1], links[k, _P + 2], s0, s1, s2)
+        bx, by, bz = cross(links[k, _P], links[k, _P + 1], links[k, _P + 2], s0, s1, s2)
         for c in range(3):
             links[k, _TURNED + c] = (
                 links[k, _N + c] * w0 + links[k, _N + 3 + c] * w1 + links[k, _N + 6 + c] * w2
@@ -244,9 +245,9 @@ def torque_slopes(parent, gravity, links, body, by_position, by_speed):
         )  # fmt: skip
         g0, g1, g2, g3, g4, g5 = _swung(links, k, z0, z1, z2)
         fx, fy, fz = links[k, _F], links[k, _F + 1], links[k, _F + 2]
-        ax, ay, az = _cross(w0, w1, w2, fx, fy, fz)
-        bx, by, bz = _cross(w0, w1, w2, links[k, _F + 3], links[k, _F + 4], links[k, _F + 5])
-        cx, cy, cz = _cross(s0, s1, s2, fx, fy, fz)
+        ax, ay, az = cross(w0, w1, w2, fx, fy, fz)
+        bx, by, bz = cross(w0, w1, w2, links[k, _F + 3], links[k, _F + 4], links[k, _F + 5])
+        cx, cy, cz = cross(s0, s1, s2, fx, fy, fz)
         f0, f1, f2 = f0 + g0 + ax, f1 + g1 + ay, f2 + g2 + az
         f3, f4, f5 = f3 + g3 + bx + cx, f4 + g4 + by + cy, f5 + g5 + bz + cz
         e0, e1, e2, e3, e4, e5 = _inertia_times(body, n + k, y0, y1, y2, z0, z1, z2)
@@ -329,7 +330,7 @@ def mass_slopes(parent, links, body, out):
 def _see(links, link, source, row, target):
     """A motion vector at the base, in the frame of a link: Rᵀ (v + w × p), Rᵀ w."""
     wx, wy, wz = links[row, source + 3], links[row, source + 4], links[row, source + 5]
-    cx, cy, cz = _cross(wx, wy, wz, links[link, 9], links[link, 10], links[link, 11])
+    cx, cy, cz = cross(wx, wy, wz, links[link, 9], links[link, 10], links[link, 11])
     vx = links[row, source] + cx
     vy = links[row, source + 1] + cy
     vz = links[row, source + 2] + cz
@@ -390,9 +391,9 @@ def inertial_columns(parent, index, links, out):
         fx, fy, fz, nx, ny, nz = _unit_times(stem, links, n + 1)
         vx, vy, vz = links[n, _SEEN], links[n, _SEEN + 1], links[n, _SEEN + 2]
         wx, wy, wz = links[n, _SEEN + 3], links[n, _SEEN + 4], links[n, _SEEN + 5]
-        ax, ay, az = _cross(wx, wy, wz, px, py, pz)
-        bx, by, bz = _cross(wx, wy, wz, lx, ly, lz)
-        cx, cy, cz = _cross(vx, vy, vz, px, py, pz)
+        ax, ay, az = cross(wx, wy, wz, px, py, pz)
+        bx, by, bz = cross(wx, wy, wz, lx, ly, lz)
+        cx, cy, cz = cross(vx, vy, vz, px, py, pz)
         j, row = link, 0
         while j >= 0:
             out[j, column] += _dot(

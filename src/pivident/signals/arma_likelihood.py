@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.foundation.compiled import compiled
+from pivident.signals.burg import dot
 
 #: Level below which a transient has ended and its recursion may stop.
 _OVER = 1e-13
@@ -70,7 +71,7 @@ class Point:
     @property
     def variance(self) -> float:
         """λ = S/n."""
-        squares = _dot(self.innovations, self.innovations) + float(np.sum(self.before**2))
+        squares = dot(self.innovations, self.innovations) + float(np.sum(self.before**2))
         return squares / self.residuals
 
     @property
@@ -128,11 +129,11 @@ def _innovations(v, bounds, d, c):
         over = start + z.shape[1] - q
         for m in range(q):
             for other in range(m):
-                z[m] -= _dot(z[other], z[m]) * z[other]
-            norm = np.sqrt(_dot(z[m], z[m]))
+                z[m] -= dot(z[other], z[m]) * z[other]
+            norm = np.sqrt(dot(z[m], z[m]))
             log_det += 2.0 * np.log(norm)
             z[m] /= norm
-            along = _dot(z[m, q:], e[start:over])
+            along = dot(z[m, q:], e[start:over])
             for i in range(q):
                 along += z[m, q - 1 - i] * before[s, i]
             e[start:over] -= along * z[m, q:]
@@ -180,7 +181,7 @@ def _half_log_det_gradient(basis, top, bounds, c, p):
                     for i in range(1, q + 1):
                         total -= c[i] * slope[k - i]
                     slope[k] = total
-                gradient[j - 1] += _dot(orthonormal, slope)
+                gradient[j - 1] += dot(orthonormal, slope)
     return gradient
 
 
@@ -225,12 +226,3 @@ def _normal_equations(v, e, before, basis, bounds, c, theta):
         for j in range(i):
             square[j, i] = square[i, j]
     return square, cross
-
-
-@compiled(fastmath={"reassoc", "contract"})
-def _dot(x, y):
-    """Σ x y; a library would start threads, which cost more than the product."""
-    total = 0.0
-    for i in range(x.size):
-        total += x[i] * y[i]
-    return total

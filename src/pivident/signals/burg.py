@@ -126,7 +126,7 @@ def products(v, stops, order):
             for k in range(fours, order + 1):
                 begin = max(first, start + k)
                 if begin < last:
-                    whole[k] += _sum(v[begin:last], v[begin - k : last - k])
+                    whole[k] += dot(v[begin:last], v[begin - k : last - k])
         for k in range(order + 1):
             total = 0.0
             for t in range(k, order + 1):
@@ -142,8 +142,8 @@ def products(v, stops, order):
 
 
 @compiled(fastmath=_REORDERED)
-def _sum(x, y):
-    """Σ x y."""
+def dot(x, y):
+    """Σ x y; a library would start threads, which cost more than the product."""
     total = 0.0
     for i in range(x.size):
         total += x[i] * y[i]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from html import escape
@@ -62,6 +62,7 @@ from pivident.judgement.model_errors.corrections import (
     kinds_of,
     with_corrections,
 )
+from pivident.judgement.validation.held_out.out_of_sample import prefixed
 from pivident.models.consistency.options import PREFIX, free_methods
 
 if TYPE_CHECKING:
@@ -286,7 +287,7 @@ def identify_all(
     for name, method in methods.items():
         progress.begin(name)
         begin = time.perf_counter()
-        say = _prefixed(progress, method.label)
+        say = prefixed(progress.say, method.label)
         made = attempts.of(f"{method.label} failed", identify, problem, method, say)
         if made is None:
             failed.append(name)
@@ -387,11 +388,6 @@ def truth_lines(results: Sequence[Identification], truth: Mapping[str, float]) -
             "within 2σ (about 95 % should be)"
         )
     return "\n".join(lines)
-
-
-def _prefixed(progress: Progress, label: str) -> Callable[[str], None]:
-    """Progress lines that say whose they are."""
-    return lambda line: progress.say(line if line.startswith(label) else f"{label}: {line}")
 
 
 def _verdict(result: Identification) -> str:

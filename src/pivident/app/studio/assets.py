@@ -45,10 +45,8 @@ def templates() -> Environment:
 @cache
 def asset(name: str) -> tuple[bytes, str, str]:
     """Content, media type, and a mark that changes with the content."""
-    parts = (
-        [] if name == "plotly.js" else [templates().get_template(p).render() for p in PARTS[name]]
-    )
-    content = ("\n".join(parts) if parts else library_text()).encode("utf-8")
+    parts = (templates().get_template(part).render() for part in PARTS.get(name, ()))
+    content = (library_text() if name == "plotly.js" else "\n".join(parts)).encode("utf-8")
     return content, _KINDS[name.rpartition(".")[2]], hashlib.sha256(content).hexdigest()[:16]
 
 

@@ -435,7 +435,7 @@ class Recording(Printed):
         dq: ArrayLike | None = None,
         valid: ArrayLike | None = None,
         control_rate: float = 0.0,
-        torque_timing: TorqueTiming | None = None,
+        torque_timing: TorqueTiming = "",  # type: ignore[assignment]  # as above
         delay: float = 0.0,
         drive_delay: float = 0.0,
         start_time: float = 0.0,
@@ -466,7 +466,7 @@ class Recording(Printed):
             dq: measured speeds [rad/s or m/s].
             valid: True for samples that may stand in a joint's equation, shape of ``q``.
             control_rate: rate of the control loop [Hz]; zero: the sampling rate.
-            torque_timing: ``held``, ``averaged`` or ``sampled``; None: that of the torque's side.
+            torque_timing: ``held``, ``averaged`` or ``sampled``; empty: by the torque's side.
             delay: how much later the torque channel is than the positions [s].
             drive_delay: how much later than its sample a logged torque acts [s].
             start_time: time of the first sample [s].
@@ -517,7 +517,7 @@ class Recording(Printed):
             inputs={key: one_column(key, x) for key, x in (inputs or {}).items()},
             valid=usable,
             control_rate=control_rate,
-            torque_timing=torque_timing or checks.usual_timing(torque_side),
+            torque_timing=torque_timing,
             delay=delay,
             drive_delay=drive_delay,
             start_time=start_time,

@@ -29,6 +29,7 @@ from pivident.dynamics.closed_chains.closure_equations import (
 )
 from pivident.dynamics.closed_chains.closure_table import ALPHA, LINEAR, PLACE, ClosureTable, P, W
 from pivident.dynamics.elimination import solve
+from pivident.dynamics.rigid_body_slopes import cross
 from pivident.foundation.compiled import inlined, inner
 
 # Columns of jerks: of turning, β, and of a point, j.
@@ -62,21 +63,16 @@ def closure_slopes(table: ClosureTable) -> ClosureSlopes:
 
 
 @inlined
-def _cross(ax, ay, az, bx, by, bz):
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-
-
-@inlined
 def _third(source, jerk, x, y, z):
     """Third derivative of a vector that is fixed in a body, x''' = β×x + 2α×x' + ω×x''."""
     wx, wy, wz = source[W], source[W + 1], source[W + 2]
     ax, ay, az = source[ALPHA], source[ALPHA + 1], source[ALPHA + 2]
-    x1, y1, z1 = _cross(wx, wy, wz, x, y, z)
-    px, py, pz = _cross(ax, ay, az, x, y, z)
-    qx, qy, qz = _cross(wx, wy, wz, x1, y1, z1)
-    fx, fy, fz = _cross(jerk[_BETA], jerk[_BETA + 1], jerk[_BETA + 2], x, y, z)
-    gx, gy, gz = _cross(ax, ay, az, x1, y1, z1)
-    hx, hy, hz = _cross(wx, wy, wz, px + qx, py + qy, pz + qz)
+    x1, y1, z1 = cross(wx, wy, wz, x, y, z)
+    px, py, pz = cross(ax, ay, az, x, y, z)
+    qx, qy, qz = cross(wx, wy, wz, x1, y1, z1)
+    fx, fy, fz = cross(jerk[_BETA], jerk[_BETA + 1], jerk[_BETA + 2], x, y, z)
+    gx, gy, gz = cross(ax, ay, az, x1, y1, z1)
+    hx, hy, hz = cross(wx, wy, wz, px + qx, py + qy, pz + qz)
     return fx + 2.0 * gx + hx, fy + 2.0 * gy + hy, fz + 2.0 * gz + hz
 
 
@@ -102,9 +98,9 @@ def _jerk_links(tree, dq, ddq, place, jerk):
         # the joint's axis z, fixed in the parent, with two derivatives
         wx, wy, wz = body[W], body[W + 1], body[W + 2]
         zx, zy, zz = place[i, 2], place[i, 5], place[i, 8]
-        x1, y1, z1 = _cross(wx, wy, wz, zx, zy, zz)
-        px, py, pz = _cross(body[ALPHA], body[ALPHA + 1], body[ALPHA + 2], zx, zy, zz)
-        qx, qy, qz = _cross(wx, wy, wz, x1, y1, z1)
+        x1, y1, z1 = cross(wx, wy, wz, zx, zy, zz)
+        px, py, pz = cross(body[ALPHA], body[ALPHA + 1], body[ALPHA + 2], zx, zy, zz)
+        qx, qy, qz = cross(wx, wy, wz, x1, y1, z1)
         first, one, two = (_J, 3.0, 3.0) if tree.prismatic[i] else (_BETA, 1.0, 2.0)
         one, two = one * dq[i], two * ddq[i]
         own[first] += one * (px + qx) + two * x1

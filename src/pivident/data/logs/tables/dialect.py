@@ -238,14 +238,7 @@ def beginning(rows: Sequence[Sequence[str]], is_number: Callable[[str], bool]) -
     keyed = _keyed(rows, above)
     if keyed is not None:
         return Beginning(*keyed, first - keyed[0] - 1)
-    # the cells of names differ, none is a number, and none but the last is empty
-    names = [
-        k
-        for k in above
-        if all(rows[k][:-1])
-        and len(set(rows[k])) == len(rows[k])
-        and not any(map(is_number, rows[k]))
-    ]
+    names = [k for k in above if _can_be_names(rows[k], is_number)]
     if not names or (first <= 2 and len(rows[0]) == width):
         return None
     block = [k for k in names if all(n in names for n in range(k, names[-1]))]
@@ -254,9 +247,7 @@ def beginning(rows: Sequence[Sequence[str]], is_number: Callable[[str], bool]) -
         last = block[-2]
     elif len(block) == 2 and last == first - 1:
         last = block[0]
-    between = [
-        k for k in range(last + 1, first) if 2 * sum(map(is_number, rows[k])) <= len(rows[k])
-    ]
+    between = [k for k in range(last + 1, first) if not _mostly_numbers(rows[k], is_number)]
     below = len(between) if between == list(range(last + 1, last + 1 + len(between))) else 0
     return Beginning(last, tuple(rows[last]), below) if last else None
 
@@ -276,3 +267,12 @@ def _keyed(
         if rows[k][0].lower() in KEYS and all(rows[k]):
             return k, ("time", *rows[k][1:])
     return None
+
+
+def _can_be_names(row: Sequence[str], is_number: Callable[[str], bool]) -> bool:
+    """Whether the cells differ, no cell is a number, and none but the last is empty."""
+    return all(row[:-1]) and len(set(row)) == len(row) and not any(map(is_number, row))
+
+
+def _mostly_numbers(row: Sequence[str], is_number: Callable[[str], bool]) -> bool:
+    return 2 * sum(map(is_number, row)) > len(row)

@@ -332,7 +332,7 @@ def compare_out_of_sample(
         known = (identifications or {}).get(name)
         judged = attempts.of(
             f"{method.label} was not judged on held-out motion",
-            judged_on, motion, method, count, gap, known, _prefixed(say, method.label),
+            judged_on, motion, method, count, gap, known, prefixed(say, method.label),
         )  # fmt: skip
         if judged is None:
             failures[name] = in_words(attempts.errors[-1])
@@ -484,6 +484,11 @@ def _contradictions(a: Identification, b: Identification) -> str:
     return f"The two differ most in {listed}."
 
 
-def _prefixed(say: Callable[[str], None], label: str) -> Callable[[str], None]:
-    """Progress lines that say whose they are."""
+def prefixed(say: Callable[[str], None], label: str) -> Callable[[str], None]:
+    """Progress lines that say whose they are.
+
+    Args:
+        say: called with one line at each stage.
+        label: whose.
+    """
     return lambda line: say(line if line.startswith(label) else f"{label}: {line}")
