@@ -331,7 +331,7 @@ BAD = {
     "gain of another law": (changed("kd =", "kv = 3\nkd ="), ("pd controller has no kv", "kp")),
     "unknown law": (changed('"pd"', '"pdd"'), ("key 'type' = 'pdd'", "'cascade'")),
     "gain is text": (changed("[6000, 2500]", '"6000"'), ("key 'kp' = '6000'", "one number")),
-    "too many gains": (changed("[6000, 2500]", "[1, 2, 3]"), ("'kp' has 3 number(s) for 2",)),
+    "too many gains": (changed("[6000, 2500]", "[1, 2, 3]"), ("kp has 3 numbers for 2 joints",)),
     "negative gain": (changed("[6000, 2500]", "[-1, 2]"), ("kp of joint 1 is -1",)),
     "NaN": (changed("[6000, 2500]", "nan"), ("key 'kp' = nan",)),
     "bad value": (with_identify("tolerance = 2"), ("key 'tolerance' = 2", "less than 1")),

@@ -8,7 +8,7 @@ import pytest
 
 from pivident.foundation import files
 from pivident.foundation.errors import PividentError
-from pivident.foundation.files import atomic_folder, check_output
+from pivident.foundation.files import MAX_TEXT, atomic_folder, check_output, small_text
 
 
 def content(folder: Path) -> dict[str, str]:
@@ -109,3 +109,21 @@ def test_folder_below_a_file(tmp_path):
 def test_errors_about_other_files_pass(tmp_path):
     with pytest.raises(FileNotFoundError), atomic_folder(tmp_path / "out"):
         Path(tmp_path / "log.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"x" * (MAX_TEXT + 1), "has 1048577 bytes, too many for a table"),
+        (b"a = \xff", "is not UTF-8 text \\(byte 4\\)"),
+        (None, "cannot be read"),
+    ],
+)
+def test_text_that_people_write(tmp_path, content, sentence):
+    path = tmp_path / "table.toml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(PividentError, match=sentence):
+        small_text(path, PividentError, "a table")
+    path.write_text("σ = 1", encoding="utf-8")
+    assert small_text(path, PividentError, "a table") == "σ = 1"

@@ -3,10 +3,18 @@
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
 import pytest
 
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.options import Option, Options, choices_of, declarations, option
+from pivident.foundation.options import (
+    Option,
+    Options,
+    choices_of,
+    declarations,
+    option,
+    per_joint,
+)
 
 
 @dataclass(frozen=True)
@@ -59,3 +67,23 @@ def test_values_outside_their_limits_are_refused_by_name(name, value, sentence):
 def test_values_within_their_limits_are_taken():
     made = Cloud(particles=10, discount=0.6, band=20.0, rooted=True, noise=(1.0, 2.0))
     assert made.noise == (1.0, 2.0)
+
+
+@pytest.mark.parametrize("given", [3.0, [3.0, 3.0], (3, 3)])
+def test_one_number_for_all_joints_or_one_for_each(given):
+    made = per_joint("limit", given, 2)
+    np.testing.assert_array_equal(made, [3.0, 3.0])
+    made[0] = 0.0  # a copy
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ([1.0], "limit has 1 number for 2 joints"),
+        ([1.0, 2.0, 3.0], "limit has 3 numbers for 2 joints"),
+    ],
+)
+def test_numbers_for_other_joints_are_refused(given, sentence):
+    with pytest.raises(ExperimentError, match=sentence) as refused:
+        per_joint("limit", given, 2)
+    assert refused.value.place == ("limit",)

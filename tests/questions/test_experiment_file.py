@@ -53,7 +53,7 @@ CASES = [
     swap("a list is not closed", '"tau2"]}', '"tau2"', "not TOML", "line"),
     swap("an inline table spans several lines", 'columns = {t = "time", ', 'columns = {t = "time",\n  ', "not TOML", "line 5"),
     swap("a Windows path has backslashes", '"log.csv"', '"C:\\Users\\log.csv"', "not TOML", "line 4", "backslash"),
-    swap("gains have decimal commas", "kd = [180, 60]", "kd = [180,5, 60,0]", "line 10", "kd", "4 number(s) for 2 joint(s)"),
+    swap("gains have decimal commas", "kd = [180, 60]", "kd = [180,5, 60,0]", "line 10", "kd", "4 numbers for 2 joints"),
     said("the file is JSON", "JSON", "TOML", text='{"robot": "planar_2r"}'),
     said("the file is a URDF", "robot description", "robot =", text="<robot name='arm'/>"),
     said("the file is empty", "There is no robot", text=""),
@@ -61,8 +61,8 @@ CASES = [
     said("the file is saved as UTF-16", "UTF-8", text="", files={"experiment.toml": "robot = 'a'".encode("utf-16")}),
     # values of the wrong kind
     swap("a gain is text", "[6000, 2500]", '"6000"', "line 9", "'kp'", "must be a number"),
-    swap("a gain is missing for a joint", "[6000, 2500]", "[6000]", "line 9", "kp", "1 number(s) for 2 joint(s)"),
-    swap("there is one gain too many", "[180, 60]", "[180, 60, 5]", "line 10", "kd", "3 number(s) for 2 joint(s)"),
+    swap("a gain is missing for a joint", "[6000, 2500]", "[6000]", "line 9", "kp", "1 number for 2 joints"),
+    swap("there is one gain too many", "[180, 60]", "[180, 60, 5]", "line 10", "kd", "3 numbers for 2 joints"),
     swap("a gain is negative", "[6000, 2500]", "[-6000, 2500]", "line", "kp of joint 1 is -6000", "not negative"),
     swap("a gain is not a number", "[6000, 2500]", "nan", "line 9", "'kp'", "nan"),
     swap("a flag is text", 'files = "log.csv"', 'files = "log.csv"\nresample = "perhaps"', "line 5", "'resample'", "boolean"),
@@ -109,7 +109,7 @@ CASES = [
     said("an identified law gets gains", "identify controller has no kd, kp", text=replaced(('"pd"', '"identify"'))),
     swap("the reference has an unknown source", "kd =", 'reference = "logged"\nkd =', "line 10", "'reference'", "'recorded'"),
     said("a law is to be identified from a smoothed reference", "cannot be identified", "smoothed", text=replaced((CONTROLLER, 'type = "identify"\nreference = "smoothed"\n'))),
-    swap("the limit has a value for one joint of two", "kd =", "limit = [100]\nkd =", "line 10", "limit", "1 number(s) for 2 joint(s)"),
+    swap("the limit has a value for one joint of two", "kd =", "limit = [100]\nkd =", "line 10", "limit", "1 number for 2 joints"),
     swap("the limit lies below the torques of the log", "kd =", "limit = 10\nkd =", "line 10", "limit", "shoulder", "N m", log=log(), code=4),
     swap("feed-forward has an unknown kind", "kd =", 'feed_forward = "full"\nkd =', "line 10", "'feed_forward'", "'computed_torque'"),
     # robot

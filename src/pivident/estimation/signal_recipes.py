@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from pivident.foundation.errors import ExperimentError
-from pivident.foundation.options import Options, option
+from pivident.foundation.options import Options, option, per_joint
 from pivident.loop.motion.motion import MOTION_BAND
 from pivident.signals.algebraic import half_gain_product, half_samples
 from pivident.signals.decimation import Convention
@@ -118,13 +118,7 @@ class Bandpass(Decimated):
         Raises:
             ExperimentError: a cut-off for each of another number of joints.
         """
-        given = np.atleast_1d(np.array(np.nan if self.cutoff is None else self.cutoff, float))
-        if len(given) not in (1, joints):
-            raise ExperimentError(
-                f"cutoff has {len(given)} numbers for {joints} joints",
-                advice="give one for all or one for each",
-            )
-        return np.broadcast_to(given, joints)
+        return per_joint("cutoff", np.nan if self.cutoff is None else self.cutoff, joints)
 
     def ends(self, rate: float) -> tuple[int, int]:
         """Samples dropped at the start and at the end for a sampling rate [Hz]."""
@@ -237,13 +231,7 @@ class Algebraic(Decimated):
         Raises:
             ExperimentError: a window for each of another number of joints.
         """
-        given = np.atleast_1d(np.array(np.nan if self.window is None else self.window, float))
-        if len(given) not in (1, joints):
-            raise ExperimentError(
-                f"window has {len(given)} numbers for {joints} joints",
-                advice="give one for all or one for each",
-            ).about("window")
-        return np.broadcast_to(given, joints)
+        return per_joint("window", np.nan if self.window is None else self.window, joints)
 
     def cutoffs(self, joints: int) -> np.ndarray:
         """Frequency at which each joint's window has a gain of one half, shape (joints,) [Hz]."""

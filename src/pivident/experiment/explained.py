@@ -16,9 +16,9 @@ from pydantic import BaseModel, ValidationError
 from pivident.experiment.file_keys import ExperimentFile
 from pivident.experiment.identify_table import METHOD_ENTRIES
 from pivident.foundation.errors import ExperimentError, PividentError, UnusableValue
-from pivident.foundation.files import regular_file
+from pivident.foundation.files import small_text
 from pivident.foundation.text.sentences import NearestNames
-from pivident.foundation.text.toml import MAX_FILE, parse_toml
+from pivident.foundation.text.toml import parse_toml
 from pivident.robot.mdh_keys import addition, keys_at, reason, short
 from pivident.robot.naming import nearest
 
@@ -189,7 +189,7 @@ def errors_name(path: Path, table: str) -> Iterator[None]:
 def toml_content(path: Path) -> dict[str, Any]:
     """The tables of an experiment file or another small TOML file, unchecked."""
     try:
-        return parse_toml(_file_text(path))
+        return parse_toml(small_text(path, ExperimentError, "an experiment file"))
     except ExperimentError:
         raise
     except ValueError as error:
@@ -200,7 +200,7 @@ def toml_content(path: Path) -> dict[str, Any]:
 
 def _advice(path: Path, error: str) -> str:
     """What to do about a text that is not TOML, as far as the text shows."""
-    text = _file_text(path)
+    text = small_text(path, ExperimentError, "an experiment file")
     beginning = text.lstrip("\ufeff \t\r\n")
     first = beginning.partition("\n")[0]
     if path.suffix.lower() in (".urdf", ".xacro") or beginning.startswith("<"):
@@ -217,22 +217,3 @@ def _advice(path: Path, error: str) -> str:
     if "\\" in said:
         return "a backslash needs single quotes around it, or write / in paths"
     return "correct this line"
-
-
-def _file_text(path: Path) -> str:
-    """Content of an experiment file, or of another small TOML file."""
-    try:
-        if regular_file(path).stat().st_size > MAX_FILE:
-            raise ExperimentError(
-                f"has {path.stat().st_size} bytes, too many for an experiment file",
-                advice="is it the log?",
-            )
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ExperimentError(
-            f"cannot be read ({error.strerror})", advice="check the path and its permissions"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise ExperimentError(
-            f"is not UTF-8 text (byte {error.start})", advice="save it as UTF-8"
-        ) from None

@@ -28,6 +28,7 @@ from pivident.foundation.errors import (
     concerning,
 )
 from pivident.foundation.files import named_file
+from pivident.foundation.options import per_joint
 from pivident.foundation.text.sentences import capital
 from pivident.loop.simulation.control_loop import Loop, virtual_pd
 from pivident.loop.simulation.controllers import PID, UNKNOWN_GAIN, Cascade, Controller
@@ -236,8 +237,8 @@ def loop_of(
         law = virtual_pd(fixed, posture, **given)
     elif entry.type != "identify":
         law = control_law(entry, n)
-    gain = _gains("drive_gain", entry.gain, n)
-    limit = np.full(n, np.inf) if entry.limit is None else _gains("limit", entry.limit, n)
+    gain = per_joint("drive_gain", entry.gain, n)
+    limit = np.full(n, np.inf) if entry.limit is None else per_joint("limit", entry.limit, n)
     count = size_of_count("counts", entry.counts, robot.on_fixed_base)
     if law is None or entry.source == "reconstruct":
         from pivident.estimation.control_law.unknown_loop import reconstruct_loop
@@ -277,7 +278,7 @@ def size_of_count(key: str, counts: Any, robot: Robot) -> np.ndarray:
     ``counts``: per revolution of the joint, or per metre; of all joints or of each; ``key``: its
     key in the file.
     """
-    given = _gains(key, 0.0 if counts is None else counts, robot.size)
+    given = per_joint(key, 0.0 if counts is None else counts, robot.size)
     if (given < 0).any():
         raise ExperimentError(
             f"{key} = {counts} cannot be negative",
@@ -291,7 +292,7 @@ def size_of_count(key: str, counts: Any, robot: Robot) -> np.ndarray:
 def control_law(entry: ControllerEntry, joints: int) -> Controller:
     """PD, PID or cascade with the gains of the file."""
     gains = {
-        key: _gains(key, value, joints)
+        key: per_joint(key, value, joints)
         for key in ("kp", "kd", "kv", "ki")
         if (value := getattr(entry, key)) is not None
     }
@@ -299,17 +300,6 @@ def control_law(entry: ControllerEntry, joints: int) -> Controller:
     if entry.type == "cascade":
         return Cascade(averaged=entry.averaged, speed_feed_forward=share, **gains)
     return PID(derivative_time=entry.derivative_time, speed_feed_forward=share, **gains)
-
-
-def _gains(key: str, value: float | list[float], joints: int) -> np.ndarray:
-    """One number for each joint."""
-    values = np.asarray(value, dtype=float)
-    if values.ndim and values.shape != (joints,):
-        raise ExperimentError(
-            f"key {key!r} has {values.size} number(s) for {joints} joint(s)",
-            advice="give one for all or one for each",
-        ).about(key)
-    return np.broadcast_to(values, (joints,)).copy()
 
 
 def _public_run(dataset: str, run: str | None) -> str:

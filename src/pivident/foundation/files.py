@@ -22,6 +22,9 @@ from typing import Any
 
 from pivident.foundation.errors import PividentError
 
+#: Largest file that people write [bytes]; larger ones are logs.
+MAX_TEXT = 2**20
+
 #: Names of folders that are being built, and of those that are complete and are being moved in.
 BUILD, COMPLETE = ".pivident-", ".pivident-complete-"
 
@@ -42,6 +45,29 @@ def regular_file(path: str | PathLike[str]) -> Path:
     if not stat.S_ISREG(mode):
         raise OSError(errno.EINVAL, "it is a device or a pipe, not a file", str(path))
     return path
+
+
+def small_text(path: Path, refused: type[PividentError], kind: str) -> str:
+    """Text of a file that people write, such as one of TOML.
+
+    Args:
+        path: the file.
+        refused: kind of the error where it is none.
+        kind: what it should be, such as ``an experiment file``.
+    """
+    try:
+        size = regular_file(path).stat().st_size
+        if size > MAX_TEXT:
+            raise refused(f"has {size} bytes, too many for {kind}", advice="is it the log?")
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise refused(
+            f"cannot be read ({error.strerror})", advice="check the path and its permissions"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise refused(
+            f"is not UTF-8 text (byte {error.start})", advice="save it as UTF-8"
+        ) from error
 
 
 def named_file(folder: Path, name: str) -> Path:

@@ -17,8 +17,12 @@ from functools import cache
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.sentences import plural
 
 #: Key of a declaration in the metadata of a field.
 DECLARED = "option"
@@ -74,6 +78,26 @@ class Option:
             and (self.above is None or value > self.above)
             and (self.below is None or value < self.below)
         )
+
+
+def per_joint(key: str, value: ArrayLike, joints: int) -> np.ndarray:
+    """One number for each joint, from one for all or one for each, shape (joints,).
+
+    Args:
+        key: what it is called.
+        value: the number or numbers.
+        joints: how many joints there are.
+
+    Raises:
+        ExperimentError: numbers for another number of joints.
+    """
+    given = np.asarray(value, dtype=float)
+    if given.shape not in ((), (joints,)):
+        raise ExperimentError(
+            f"{key} has {plural(given.size, 'number')} for {plural(joints, 'joint')}",
+            advice="give one for all or one for each",
+        ).about(key)
+    return np.broadcast_to(given, joints).copy()
 
 
 def option(

@@ -55,8 +55,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.foundation.errors import RobotDescriptionError, require_known
-from pivident.foundation.files import regular_file
-from pivident.foundation.text.toml import MAX_FILE, parse_toml
+from pivident.foundation.files import small_text
+from pivident.foundation.text.toml import parse_toml
 from pivident.robot.closed_chains import Member, merge_fixed
 from pivident.robot.closed_tables import BASE, closed_from_tables
 from pivident.robot.description import Coupling, Joint, Link, Robot
@@ -97,19 +97,7 @@ def read_modified_dh(path: str | Path) -> Robot:
     """
     path = Path(path)
     with errors_name(str(path)):
-        try:
-            size = regular_file(path).stat().st_size
-            if size > MAX_FILE:
-                raise RobotDescriptionError(f"has {size} bytes, too many for a robot file")
-            text = path.read_text(encoding="utf-8")
-        except OSError as error:
-            raise RobotDescriptionError(
-                f"cannot be read ({error.strerror})", advice="check the path and its permissions"
-            ) from error
-        except UnicodeDecodeError as error:
-            raise RobotDescriptionError(
-                f"is not UTF-8 text (byte {error.start})", advice="save it as UTF-8"
-            ) from error
+        text = small_text(path, RobotDescriptionError, "a robot file")
     return parse_modified_dh(text, source=str(path))
 
 

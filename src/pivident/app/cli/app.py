@@ -15,6 +15,7 @@ it and drops it, and the command would run on. Such an interruption comes again 
 from __future__ import annotations
 
 import _thread
+import atexit
 import gc
 import os
 import signal
@@ -154,6 +155,8 @@ def main(tokens: Sequence[str] | None = None) -> int:
     # for what can be forgotten took a tenth of its time. Of a quarter of a million things that an
     # identification makes beside its arrays next to nothing could be.
     gc.set_threshold(500_000)
+    if tokens is None:  # nor does it have to be looked through to end the process
+        atexit.register(gc.freeze)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a σ must not stop a terminal without it
             stream.reconfigure(errors="replace")

@@ -9,7 +9,6 @@ from functools import cache, singledispatch
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from pivident.data.recording.recording import Recording
 from pivident.estimation.identification import Identification
@@ -27,8 +26,9 @@ from pivident.foundation.document.table import Table
 from pivident.foundation.text.display import MAX_LINE, fields_in_words
 from pivident.foundation.text.finding import MARKS
 from pivident.foundation.text.identifiers import escaped
-from pivident.foundation.text.numbers import format_exact, format_significant, percent
+from pivident.foundation.text.numbers import format_significant
 from pivident.judgement.diagnostics.verdict import Verdict
+from pivident.judgement.report.builder import page_environment
 from pivident.judgement.report.intervals import interval_drawing
 from pivident.robot.description import Robot
 from pivident.studies.comparison.compare import Comparison
@@ -187,25 +187,14 @@ def account_html(result: Accounted) -> str:
     return document_html(result.account())
 
 
-@cache
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("pivident.app.notebook"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {
-        "percent": percent,
-        "significant": format_significant,
-        "known": format_exact,
-    }
-    return environment
+#: Templates, once.
+_environment = cache(page_environment)
 
 
 def _rendered(name: str, **content: Any) -> str:
-    return escaped(_environment().get_template(f"{name}.html").render(content))
+    return escaped(
+        _environment("pivident.app.notebook").get_template(f"{name}.html").render(content)
+    )
 
 
 def _masses(robot: Robot) -> list[str]:

@@ -77,6 +77,19 @@ def _third(source, jerk, x, y, z):
 
 
 @inlined
+def _carry(body, carrier, at, own):
+    """Third derivatives ``own`` of a frame ``at`` some place on a body."""
+    x, y, z = _third(
+        body, carrier, at[P] - body[P], at[P + 1] - body[P + 1], at[P + 2] - body[P + 2]
+    )
+    for c in range(_JERKS):
+        own[c] = carrier[c]
+    own[_J] += x
+    own[_J + 1] += y
+    own[_J + 2] += z
+
+
+@inlined
 def _jerk_links(tree, dq, ddq, place, jerk):
     """Third derivatives of the motion of all links, after ``move_links``; dddq is zero."""
     for i in range(dq.size):
@@ -85,16 +98,8 @@ def _jerk_links(tree, dq, ddq, place, jerk):
             own[c] = 0.0
         if parent < 0:
             continue
-        body, carrier = place[parent], jerk[parent]
-        x, y, z = _third(
-            body, carrier, place[i, P] - body[P], place[i, P + 1] - body[P + 1],
-            place[i, P + 2] - body[P + 2],
-        )  # fmt: skip
-        for c in range(_JERKS):
-            own[c] = carrier[c]
-        own[_J] += x
-        own[_J + 1] += y
-        own[_J + 2] += z
+        body = place[parent]
+        _carry(body, jerk[parent], place[i], own)
         # the joint's axis z, fixed in the parent, with two derivatives
         wx, wy, wz = body[W], body[W + 1], body[W + 2]
         zx, zy, zz = place[i, 2], place[i, 5], place[i, 8]
@@ -116,15 +121,7 @@ def _jerk_ends(table, work, slopes):
             link, end, own = table.link[k, side], work.ends[k, side], slopes.ends[k, side]
             if link < 0:
                 continue  # zero
-            body, carrier = work.place[link], slopes.jerk[link]
-            x, y, z = _third(
-                body, carrier, end[P] - body[P], end[P + 1] - body[P + 1], end[P + 2] - body[P + 2]
-            )
-            for c in range(_JERKS):
-                own[c] = carrier[c]
-            own[_J] += x
-            own[_J + 1] += y
-            own[_J + 2] += z
+            _carry(work.place[link], slopes.jerk[link], end, own)
 
 
 @inlined

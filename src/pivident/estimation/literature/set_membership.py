@@ -30,8 +30,8 @@ from pivident.estimation.literature.boxed_program import (
 )
 from pivident.estimation.literature.rows import NormalEquations, Noticed, Regression, Rows, Solved
 from pivident.estimation.problem import Problem
-from pivident.foundation.errors import ExperimentError, IdentificationError
-from pivident.foundation.options import option
+from pivident.foundation.errors import IdentificationError
+from pivident.foundation.options import option, per_joint
 from pivident.foundation.text.finding import Finding, Quantity
 
 #: Rows that are added at a time, the worst of each joint.
@@ -74,13 +74,7 @@ class SetMembership(Regression):
         """Intervals by bounded errors: two standard deviations to each side of the middle."""
         bound = None
         if self.bound is not None:
-            numbers = np.atleast_1d(np.asarray(self.bound, float))
-            if len(numbers) not in (1, len(rows.joints)):
-                raise ExperimentError(
-                    f"bound has {len(numbers)} numbers for {len(rows.joints)} joints",
-                    advice="give one for all or one for each",
-                ).about("bound")
-            bound = np.broadcast_to(numbers, len(rows.joints)).astype(float)
+            bound = per_joint("bound", self.bound, len(rows.joints))
         box = parameter_box(rows, bound, start)
         theta, half = 0.5 * (box.low + box.high), 0.5 * (box.high - box.low)
         covariance = np.diag((0.5 * half) ** 2)

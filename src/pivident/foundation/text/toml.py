@@ -29,9 +29,6 @@ from tomlkit.items import AoT, InlineTable, Item, Key, Table
 from pivident.foundation.text.identifiers import escaped
 from pivident.foundation.text.repair import Place
 
-#: Largest file that is read as TOML [bytes]; larger ones are logs.
-MAX_FILE = 2**20
-
 #: Maximum number of parts of a dotted key. No key here has more than seven.
 MAX_PARTS = 12
 

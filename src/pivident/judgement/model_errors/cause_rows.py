@@ -171,6 +171,7 @@ class CauseRows:
 
     ``motions``: the motion that makes the instruments of each record; None: the measured one.
     ``measured``: whether columns are those of the measured motion all the same, but for rough ones.
+    ``known``: rows of the same estimate, from which those of the causes they have are taken over.
     """
 
     def __init__(
@@ -181,9 +182,11 @@ class CauseRows:
         kinematics: Sequence[Kinematics],
         motions: Sequence[Motion | None],
         measured: bool = False,
+        known: CauseRows | None = None,
     ) -> None:
         self.problem, self.found, self.causes = problem, found, causes
-        self.measured = measured
+        self.kinematics, self.motions = kinematics, motions
+        self.measured, self.known = measured, known
         self.band = min(motion_band(r) for r in problem.recordings)
         counts = [cause.count for cause in causes]
         self.first = len(found.theta) + np.concatenate([[0], np.cumsum(counts)]).astype(int)
@@ -192,6 +195,22 @@ class CauseRows:
         for number, (kin, motion) in enumerate(zip(kinematics, motions, strict=True)):
             self.joints.append(self._rows(number, kin, motion, began))
             began += kin.recording.duration
+        self.known = None
+
+    def with_causes(self, causes: Sequence[Cause]) -> CauseRows:
+        """The same for other causes, some of which may be the same."""
+        given = self.problem, self.found, causes, self.kinematics, self.motions
+        return CauseRows(*given, self.measured, self)
+
+    def _of(self, k: int, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Number of the column and joint of each signal of a cause in a record, and the rows."""
+        parts = []
+        for j, record in enumerate(self.joints[number]):
+            own = slice(*np.searchsorted(record.columns, self.first[k : k + 2]))
+            columns = record.columns[own] - self.first[k]
+            parts.append((columns, np.full(columns.size, j), record.x[own]))
+        columns, joints, rows = map(np.concatenate, zip(*parts, strict=True))
+        return columns, joints, rows
 
     def _rows(
         self, number: int, kin: Kinematics, motion: Motion | None, began: float
@@ -284,12 +303,18 @@ class CauseRows:
         smooth = own.every(grid.fraction)
         none = np.zeros(0, int), np.zeros(0, int), np.zeros((0, rows.at.size))
         made = [none] * len(self.causes)
+        before = self.known
+        place = {} if before is None else {cause: k for k, cause in enumerate(before.causes)}
         for asked in {own, clean}:
             asked.torque, asked.load  # noqa: B018 - once, before several threads ask
         smooth.torque  # noqa: B018
 
         def make(k: int) -> None:
             cause = self.causes[k]
+            if before is not None and cause in place:
+                number, joint, passed = before._of(place[cause], own.number)
+                made[k] = self.first[k] + number, joint, passed
+                return
             motion, fraction = clean if cause.is_rough else own, 1
             if cause.is_smooth:
                 motion, fraction = smooth, grid.fraction

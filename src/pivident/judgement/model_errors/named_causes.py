@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -211,11 +212,48 @@ def all_causes(problem: Problem, found: Identification, reach: Reach) -> list[Ca
     ]
 
 
+def _sets(
+    problem: Problem, found: Identification, kinematics: Sequence[Kinematics]
+) -> list[list[Cause]]:
+    """Causes of one joint or of the whole, those that change with time, and those between joints.
+
+    Each of the sets is held to the level by the number of the largest one.
+    """
+    reach = reach_of(kinematics)
+    return [
+        all_causes(problem, found, reach),
+        list(time_causes(problem.robot, Instants.of(kinematics))),
+        list(coupling_causes(problem.robot, reach)),
+    ]
+
+
+def _signals_of(problem: Problem, found: Identification) -> list[Kinematics]:
+    """The smoothed motion of each record, where an estimate still has its signals."""
+    if found.equations is None:
+        raise IdentificationError(
+            f"{found.method}: causes of model error are looked for in the signals of an estimate, "
+            "and a file has none",
+            advice="identify again",
+        )
+    return smoothed(problem, found)
+
+
+def _tests(rows: CauseRows, sets: Sequence[Sequence[Cause]]) -> ScoreTests:
+    """Tests of the causes of some rows."""
+    theta = np.zeros(int(rows.first[-1]))
+    theta[: rows.found.theta.size] = rows.found.theta
+
+    def measured(chosen: Sequence[Cause]) -> list[list[JointRows]]:
+        given = rows.problem, rows.found, chosen, rows.kinematics, rows.motions
+        return CauseRows(*given, measured=True).joints
+
+    own = measured if any(motion is not None for motion in rows.motions) else None
+    sums, tried = rows.sums(rows.variances(theta)), max(map(len, sets))
+    return ScoreTests(sums, rows.causes, rows.first, tried, own)
+
+
 def score_tests(
-    problem: Problem,
-    found: Identification,
-    kinds: Sequence[str] | None = None,
-    near: Sequence[float] = (),
+    problem: Problem, found: Identification, kinds: Sequence[str] | None = None
 ) -> ScoreTests:
     """Tests of an estimate, ready to be asked.
 
@@ -223,41 +261,17 @@ def score_tests(
         problem: what was given.
         found: the estimate.
         kinds: of these causes only; None: of all.
-        near: jumps at instants near these alone [s]; none: all over the records.
 
     Raises:
         IdentificationError: the estimate comes from a file and has no signals.
     """
-    if found.equations is None:
-        raise IdentificationError(
-            f"{found.method}: causes of model error are looked for in the signals of an estimate, "
-            "and a file has none",
-            advice="identify again",
-        )
-    kinematics = smoothed(problem, found)
-    motions = instrument_motions(problem, found, kinematics)
-    reach = reach_of(kinematics)
-    instants = Instants.of(kinematics)
-    sets = [
-        all_causes(problem, found, reach),
-        list(time_causes(problem.robot, instants.near(near) if near else instants)),
-        list(coupling_causes(problem.robot, reach)),
-    ]
-    # each of the sets is held to the level by the number of the largest one
-    tried = max(len(own) for own in sets)
-    causes = [cause for own in sets for cause in own]
+    kinematics = _signals_of(problem, found)
+    sets = _sets(problem, found, kinematics)
+    causes = list(chain(*sets))
     if kinds is not None:
         causes = [c for c in (*causes, *temperature_causes(problem)) if c.kind in kinds]
-    rows = CauseRows(problem, found, causes, kinematics, motions)
-    theta = np.zeros(int(rows.first[-1]))
-    theta[: found.theta.size] = found.theta
-
-    def measured(chosen: Sequence[Cause]) -> list[list[JointRows]]:
-        return CauseRows(problem, found, chosen, kinematics, motions, measured=True).joints
-
-    sums = rows.sums(rows.variances(theta))
-    own = measured if any(motion is not None for motion in motions) else None
-    return ScoreTests(sums, causes, rows.first, tried, own)
+    motions = instrument_motions(problem, found, kinematics)
+    return _tests(CauseRows(problem, found, causes, kinematics, motions), sets)
 
 
 def named_causes(problem: Problem, found: Identification) -> ModelErrors:
@@ -274,12 +288,20 @@ def named_causes(problem: Problem, found: Identification) -> ModelErrors:
         IdentificationError: the estimate comes from a file and has no signals.
     """
     with linear_algebra_in_one_thread():
-        errors = _named_causes(score_tests(problem, found), found)
-        causes = [c for one in errors.named for c in (one.cause, *one.alternatives)]
+        kinematics = _signals_of(problem, found)
+        sets = _sets(problem, found, kinematics)
+        motions = instrument_motions(problem, found, kinematics)
+        rows = CauseRows(problem, found, list(chain(*sets)), kinematics, motions)
+        tests = _tests(rows, sets)
+        named = _one_by_one(tests, found)
+        causes = [c for one in named.values() for c in (one.cause, *one.alternatives)]
         jumps = {cause.instant for cause in causes if cause.instant is not None}
         if jumps:  # the next instants to them are near enough to find a cause, not to measure it
-            errors = _named_causes(score_tests(problem, found, near=sorted(jumps)), found)
-        return errors
+            near = Instants.of(kinematics).near(sorted(jumps))
+            sets[1] = list(time_causes(problem.robot, near))
+            tests = _tests(rows.with_causes(list(chain(*sets))), sets)
+            named = _one_by_one(tests, found)
+        return _model_errors(tests, named, found)
 
 
 def is_found(score: Score, tried: int) -> bool:
@@ -299,19 +321,26 @@ def _is_large(
     return cause.by_effect and float(np.max(np.abs(score.shift) / std)) > MATTERS
 
 
-def _named_causes(tests: ScoreTests, found: Identification) -> ModelErrors:
-    """One cause after the other, each beside those before it."""
-    start = tests.fit(tests.columns([]))
-    corrected: list[int] = []
-    named: list[NamedCause] = []
-    while len(corrected) < MOST_CAUSES:
+def _one_by_one(tests: ScoreTests, found: Identification) -> dict[int, NamedCause]:
+    """One cause after the other by its number, each beside those before it."""
+    named: dict[int, NamedCause] = {}
+    while len(named) < MOST_CAUSES:
+        corrected = list(named)
         candidates = _candidates(tests, corrected, found)
         if not candidates:
             break
         best = _best(candidates)
         torques = tests.torques(corrected, best)
-        named.append(_named(found, candidates[best], candidates, torques))
-        corrected.append(best)
+        named[best] = _named(found, candidates[best], candidates, torques)
+    return named
+
+
+def _model_errors(
+    tests: ScoreTests, by_number: Mapping[int, NamedCause], found: Identification
+) -> ModelErrors:
+    """Causes that were found, by their numbers, with their sizes and what they leave."""
+    start = tests.fit(tests.columns([]))
+    corrected, named = list(by_number), list(by_number.values())
     with suppress(np.linalg.LinAlgError):  # all that is known of one lies within one window
         named = [
             replace(one, score=replace(one.score, size=size, covariance=covariance))

@@ -20,7 +20,7 @@ import numpy as np
 
 from pivident.dynamics.kernels import link_poses, place_link, tree_of
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
-from pivident.foundation.compiled import allocating, inner
+from pivident.foundation.compiled import allocating, inlined, inner
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.text.display import Displayed, Printed
 from pivident.loop.simulation.controllers import Controller, PythonController, SampledLaw
@@ -32,6 +32,19 @@ MASS_STEMS = ("mx", "my", "mz", "m")
 
 #: Numbers of a link's place in the base frame: its orientation row by row, and its origin.
 PLACE = 12
+
+
+@inlined
+def _with_link(carried, link, joint, lx, ly, lz, mass):
+    """Moment Σ m (o - o_joint) + R s and mass that a joint carries, with one more link."""
+    sx, sy, sz, m = carried[0], carried[1], carried[2], carried[3]
+    lx += m * (link[9] - joint[9])
+    ly += m * (link[10] - joint[10])
+    lz += m * (link[11] - joint[11])
+    lx += link[0] * sx + link[1] * sy + link[2] * sz
+    ly += link[3] * sx + link[4] * sy + link[5] * sz
+    lz += link[6] * sx + link[7] * sy + link[8] * sz
+    return lx, ly, lz, mass + m
 
 
 @inner
@@ -52,14 +65,7 @@ def gravity_torques(
     for j in range(n):
         lx, ly, lz, mass = 0.0, 0.0, 0.0, 0.0
         for i in range(j, n):
-            sx, sy, sz, m = masses[j, i, 0], masses[j, i, 1], masses[j, i, 2], masses[j, i, 3]
-            mass += m
-            lx += m * (place[i, 9] - place[j, 9])
-            ly += m * (place[i, 10] - place[j, 10])
-            lz += m * (place[i, 11] - place[j, 11])
-            lx += place[i, 0] * sx + place[i, 1] * sy + place[i, 2] * sz
-            ly += place[i, 3] * sx + place[i, 4] * sy + place[i, 5] * sz
-            lz += place[i, 6] * sx + place[i, 7] * sy + place[i, 8] * sz
+            lx, ly, lz, mass = _with_link(masses[j, i], place[i], place[j], lx, ly, lz, mass)
         fx, fy, fz = mass * gravity[0], mass * gravity[1], mass * gravity[2]
         if not prismatic[j]:
             fx = ly * gravity[2] - lz * gravity[1]
@@ -96,14 +102,9 @@ def gravity_slopes(parent, prismatic, gravity, masses, place, out):
                     p = parent[p]
                 if p != outer:
                     continue
-                sx, sy, sz, m = masses[j, i, 0], masses[j, i, 1], masses[j, i, 2], masses[j, i, 3]
-                mass += m
-                lx += m * (place[i, 9] - place[outer, 9])
-                ly += m * (place[i, 10] - place[outer, 10])
-                lz += m * (place[i, 11] - place[outer, 11])
-                lx += place[i, 0] * sx + place[i, 1] * sy + place[i, 2] * sz
-                ly += place[i, 3] * sx + place[i, 4] * sy + place[i, 5] * sz
-                lz += place[i, 6] * sx + place[i, 7] * sy + place[i, 8] * sz
+                lx, ly, lz, mass = _with_link(
+                    masses[j, i], place[i], place[outer], lx, ly, lz, mass
+                )
             zx, zy, zz = place[k, 2], place[k, 5], place[k, 8]
             gx, gy, gz = gravity[0], gravity[1], gravity[2]
             if k > j:

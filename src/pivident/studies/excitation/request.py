@@ -17,6 +17,7 @@ from pivident.dynamics.base_parameters import BaseParameters
 from pivident.experiment.excite_keys import ExciteEntry
 from pivident.experiment.explained import checked, errors_name, toml_content
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.options import per_joint
 from pivident.foundation.text.display import Displayed
 from pivident.robot.description import Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
@@ -219,7 +220,7 @@ def limits_of(robot: Robot, entry: ExciteEntry) -> JointLimits:
         value = getattr(entry, quantity)
         if value is not None:
             for name, number in zip(
-                robot.joint_names, _for_each(robot, quantity, value), strict=True
+                robot.joint_names, per_joint(quantity, value, robot.size), strict=True
             ):
                 given[name][quantity] = number
     for reference, own in entry.joint.items():
@@ -228,18 +229,6 @@ def limits_of(robot: Robot, entry: ExciteEntry) -> JointLimits:
             value = getattr(own, quantity)
             given[name][quantity] = tuple(value) if isinstance(value, list) else value
     return joint_limits(robot, given, speed_share=entry.speed, torque_share=entry.torque)
-
-
-def _for_each(robot: Robot, key: str, value: float | Sequence[float]) -> Sequence[float]:
-    """One number for each joint."""
-    if isinstance(value, (int, float)):
-        return [float(value)] * robot.size
-    if len(value) != robot.size:
-        raise ExperimentError(
-            f"{key} has {len(value)} numbers for {robot.size} joints",
-            advice="give one for all or one for each",
-        ).about(key)
-    return value
 
 
 def torque_noise_of(robot: Robot, entry: ExciteEntry) -> np.ndarray | None:
@@ -251,7 +240,7 @@ def torque_noise_of(robot: Robot, entry: ExciteEntry) -> np.ndarray | None:
     """
     if entry.torque_noise is None:
         return None
-    return np.array(_for_each(robot, "torque_noise", entry.torque_noise), dtype=float)
+    return per_joint("torque_noise", entry.torque_noise, robot.size)
 
 
 def question_of(entry: ExciteEntry) -> Callable[[Knowledge], Question] | None:

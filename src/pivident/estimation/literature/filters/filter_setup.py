@@ -28,7 +28,7 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.signal_recipes import RandomWalk
 from pivident.foundation.common_work import once
 from pivident.foundation.errors import ExperimentError, FilterDiverged
-from pivident.foundation.options import option
+from pivident.foundation.options import option, per_joint
 from pivident.loop.motion.motion import Kinematics
 from pivident.signals.alignment import torque_shift
 
@@ -204,7 +204,7 @@ def stretches_of(
 def encoder_noise(problem: Problem, method: FilterOptions) -> np.ndarray:
     """Standard deviation of the measured positions, (joints,)."""
     if method.encoder_noise is not None:
-        return _each(problem, "encoder_noise", method.encoder_noise)
+        return per_joint("encoder_noise", method.encoder_noise, problem.robot.size)
     found = [estimate_kinematics(r, RandomWalk()).encoder_std for r in problem.recordings]
     reach = np.max([np.ptp(r.q, axis=0) for r in problem.recordings], axis=0)
     return np.maximum(np.sqrt(np.mean(np.square(found), axis=0)), LEAST_NOISE * reach + 1e-15)
@@ -250,7 +250,9 @@ def filter_setup(
         limits,
     )
     if method.torque_noise is not None:
-        return replace(setup, torque=_each(problem, "torque_noise", method.torque_noise))
+        return replace(
+            setup, torque=per_joint("torque_noise", method.torque_noise, problem.robot.size)
+        )
     # searched at least squares, whatever the filter itself begins with
     near = np.sqrt(np.diag(estimate.solution.covariance))
     search = replace(setup, theta=estimate.theta, covariance=np.diag((10.0 * near) ** 2))
@@ -318,14 +320,3 @@ def _peak(grid: np.ndarray, score: np.ndarray) -> float:
     bend = low - 2.0 * top + high
     step = grid[best + 1] - grid[best]
     return float(grid[best] + (0.5 * step * (low - high) / bend if bend < 0.0 else 0.0))
-
-
-def _each(problem: Problem, name: str, value: float | tuple[float, ...]) -> np.ndarray:
-    """One number for each joint."""
-    given = np.atleast_1d(np.asarray(value, dtype=float))
-    if len(given) not in (1, problem.robot.size):
-        raise ExperimentError(
-            f"{name} has {len(given)} numbers for {problem.robot.size} joints",
-            advice="give one for all or one for each",
-        ).about(name)
-    return np.broadcast_to(given, problem.robot.size).astype(float)

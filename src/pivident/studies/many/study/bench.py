@@ -22,6 +22,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import ExperimentError
+from pivident.foundation.options import per_joint
 from pivident.loop.simulation.closed_loop import Trajectory
 from pivident.loop.simulation.control_loop import Loop, with_measured_gravity
 from pivident.loop.simulation.controllers import Controller
@@ -29,7 +30,7 @@ from pivident.loop.simulation.excitation import FourierSeries
 from pivident.loop.simulation.simulated_record import Noise, Spread, loop_motion, stream
 from pivident.models.runnable_model import is_possible
 from pivident.robot.naming import nearest
-from pivident.studies.many.study.scenario_tables import ScenarioTables, per_joint, reference_of
+from pivident.studies.many.study.scenario_tables import ScenarioTables, reference_of
 
 if TYPE_CHECKING:
     from pivident.linear.free_law import FreeLaw

@@ -39,8 +39,8 @@ import numpy as np
 
 from pivident.estimation.methods import METHODS
 from pivident.foundation.errors import ExperimentError, require_known
-from pivident.foundation.files import regular_file
-from pivident.foundation.text.toml import MAX_FILE, parse_toml
+from pivident.foundation.files import small_text
+from pivident.foundation.text.toml import parse_toml
 from pivident.robot.naming import nearest
 from pivident.robot.refusals import without_loops
 from pivident.studies.many.study.bench import Bench
@@ -202,16 +202,8 @@ def load_scenario(name: str | Path) -> Scenario:
     """
     path = Path(name)
     if path.suffix == ".toml" or path.is_file():
-        try:
-            size = regular_file(path).stat().st_size
-            if size > MAX_FILE:
-                raise ExperimentError(f"{path}: has {size} bytes, too many for a scenario")
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-            raise ExperimentError(
-                f"{path}: cannot be read ({reason})", advice="check the path"
-            ) from error
+        with file_named(str(path)):
+            text = small_text(path, ExperimentError, "a scenario")
         return read_scenario(text, path.stem, str(path))
     known = shipped_scenarios()
     if str(name) not in known:

@@ -24,6 +24,7 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.foundation.codec import decode
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.files import regular_file
+from pivident.foundation.options import per_joint
 from pivident.foundation.text.display import Displayed
 from pivident.foundation.text.plain_values import plain
 from pivident.loop.simulation import excitation
@@ -222,17 +223,6 @@ def reference_of(
 def reach_of(entry: TrajectoryEntry, joints: int) -> np.ndarray:
     """Largest distance of postures from zero [rad or m], shape (joints,)."""
     return per_joint("trajectory.reach", entry.reach or DEFAULT_REACH, joints)
-
-
-def per_joint(key: str, value: Any, joints: int) -> np.ndarray:
-    """One number for each joint."""
-    values = np.asarray(value, dtype=float)
-    if values.ndim and values.shape != (joints,):
-        raise ExperimentError(
-            f"key {key!r} has {values.size} number(s) for {joints} joint(s)",
-            advice="give one for all or one for each",
-        )
-    return np.broadcast_to(values, (joints,)).copy()
 
 
 def optimised_series(
