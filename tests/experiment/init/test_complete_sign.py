@@ -18,11 +18,10 @@ def draft_of(log, folder):
     return draft_experiment([table], str(robot), out=folder / "experiment.toml")
 
 
-def with_arctangent(log):
-    """The same motion of an arm whose dry friction is the default arctangent."""
+def with_sign(log, sign_of):
+    """The same motion of an arm whose dry friction has another sign of its speeds."""
     q, dq, ddq = log.motion
-    sign = 2.0 / np.pi * np.arctan(750.0 / log.arm.speed * dq)
-    torque = torque_of(log.arm, q, dq, ddq, sign)
+    torque = torque_of(log.arm, q, dq, ddq, sign_of(dq))
     tau = torque + (log.tau - log.torque)
     columns = {**log.columns, **dict(zip(tau_columns(log), tau.T, strict=True))}
     return replace(log, tau=tau, torque=torque, columns=columns)
@@ -47,8 +46,20 @@ def test_dry_friction_that_is_complete_at_once_gets_tanh(seed, tmp_path):
     assert [term.smoothing for term in entry if term.term == "coulomb"] == ["tanh"]
 
 
+def arctangent(log):
+    """The default sign of an arm's speeds."""
+    return lambda dq: 2.0 / np.pi * np.arctan(750.0 / log.arm.speed * dq)
+
+
+def soft(log):
+    """One that tanh fits worse where it is slow, and an arctangent where it is fast."""
+    return lambda dq: np.tanh(100.0 * dq)
+
+
+@pytest.mark.parametrize("sign", [arctangent, soft])
 @pytest.mark.parametrize("seed", [11, 12, 13])
-def test_an_arctangent_stays(seed, tmp_path):
-    draft = draft_of(with_arctangent(make_log(seed, SETTING)), tmp_path)
+def test_an_arctangent_stays_that_is_nearer_at_slow_speeds(seed, sign, tmp_path):
+    log = make_log(seed, SETTING)
+    draft = draft_of(with_sign(log, sign(log)), tmp_path)
     line = next(a for a in draft.assumptions if a.key == "friction")
     assert line.value is None

@@ -139,11 +139,15 @@ def _complete_law(robot: Robot) -> FrictionLaw | None:
 
 
 def _squares(found: Identification) -> np.ndarray:
-    """Σ (τ - Φθ)² of each part of each recording, shape (parts, joints)."""
+    """Σ (τ - Φθ)² of each part of each recording, shape (parts, joints).
+
+    Of all samples: laws differ most at speeds that are too slow to be fitted, where they are used
+    all the same; at rest they do not.
+    """
     assert found.equations is not None
     parts = []
     for record in found.equations.records:
-        left = record.residual(found.equations.regressor, found.theta) ** 2 * record.used
+        left = record.residual(found.equations.regressor, found.theta) ** 2
         parts += [own.sum(axis=1) for own in np.array_split(left, PARTS, axis=1)]
     return np.array(parts)
 
