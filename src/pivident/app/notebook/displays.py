@@ -5,7 +5,7 @@ lines and shades are made from it, so that light and dark themes both show it. T
 and header cells, drawings a label in words. Everything that comes from outside is escaped.
 """
 
-from functools import cache, singledispatch
+from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -187,13 +187,9 @@ def account_html(result: Accounted) -> str:
     return document_html(result.account())
 
 
-#: Templates, once.
-_environment = cache(page_environment)
-
-
 def _rendered(name: str, **content: Any) -> str:
     return escaped(
-        _environment("pivident.app.notebook").get_template(f"{name}.html").render(content)
+        page_environment("pivident.app.notebook").get_template(f"{name}.html").render(content)
     )
 
 

@@ -174,7 +174,7 @@ def render_report(
         screen,
         tuple(designs),
     )
-    environment, attempts, sections = _report_environment(), attempts or Attempts(), []
+    environment, attempts, sections = page_environment(), attempts or Attempts(), []
     for kind in sections_of(data):
         tried, failed = len(attempts.errors), f'The section "{kind.title}" could not be written'
         body = attempts.of(failed, _body, environment, kind, data, otherwise="")
@@ -208,20 +208,18 @@ def page_of(
     )
 
 
-@cache
-def _report_environment() -> Environment:
-    """The templates of the report, which take as long to compile as a page to write."""
-    return page_environment()
-
-
 def write_page(build: Path, name: str, page: str, content: Any) -> None:
     """Write ``NAME.html`` and, as ``NAME.json``, the values that it shows."""
     write_json(build / f"{name}.json", content)
     (build / f"{name}.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
 
 
+@cache
 def page_environment(*packages: str) -> Environment:
-    """Templates of these packages, then of the report; all is escaped but marked HTML."""
+    """Templates of these packages, then of the report; all is escaped but marked HTML.
+
+    Made once: they take as long to compile as a page to write.
+    """
     environment = Environment(
         loader=ChoiceLoader(
             [PackageLoader(name) for name in (*packages, "pivident.judgement.report")]
