@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -142,7 +142,9 @@ class ReadingRows:
                 slower = {"dq": self.channels["dq"] / f, "ddq": self.channels["ddq"] / f**2}
                 return replace(self, channels={**self.channels, **slower}, known=None, like=None)
             case Edit(place=("robot", "gravity"), value=gravity):
-                robot = self.robot.with_gravity(np.array(gravity, float))
+                # the same directions are asked for again on more rows
+                key = "robot under gravity", self.robot, tuple(gravity)
+                robot = once(key, partial(self.robot.with_gravity, np.array(gravity, float)))
                 regressor = _regressor(robot, self.parameters)
                 return replace(self, robot=robot, regressor=regressor, known=None, like=None)
         names = self.robot.joint_names
@@ -217,9 +219,8 @@ def _regressor(robot: Robot, names: tuple[str, ...]) -> Regressor:
     """Φ of parameters by name; of all where another direction of gravity has others."""
     base = base_parameters(robot)
     places = {name: k for k, name in enumerate(base.names)}
-    named = [places[name] for name in names if name in places]
-    every = base.parameters
-    return regressor_of(robot, [every[k] for k in named] if len(named) == len(names) else every)
+    named = [base.parameters[places[name]] for name in names if name in places]
+    return regressor_of(robot, named if len(named) == len(names) else base.parameters)
 
 
 def scores(sums: Sums) -> np.ndarray:

@@ -199,18 +199,18 @@ class CauseRows:
 
     def with_causes(self, causes: Sequence[Cause]) -> CauseRows:
         """The same for other causes, some of which may be the same."""
-        given = self.problem, self.found, causes, self.kinematics, self.motions
-        return CauseRows(*given, self.measured, self)
+        return CauseRows(
+            self.problem, self.found, causes, self.kinematics, self.motions, self.measured, self
+        )
 
-    def _of(self, k: int, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _of(self, k: int, number: int) -> tuple[np.ndarray, ...]:
         """Number of the column and joint of each signal of a cause in a record, and the rows."""
         parts = []
         for j, record in enumerate(self.joints[number]):
             own = slice(*np.searchsorted(record.columns, self.first[k : k + 2]))
             columns = record.columns[own] - self.first[k]
             parts.append((columns, np.full(columns.size, j), record.x[own]))
-        columns, joints, rows = map(np.concatenate, zip(*parts, strict=True))
-        return columns, joints, rows
+        return tuple(map(np.concatenate, zip(*parts, strict=True)))
 
     def _rows(
         self, number: int, kin: Kinematics, motion: Motion | None, began: float

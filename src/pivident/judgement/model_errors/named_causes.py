@@ -244,8 +244,9 @@ def _tests(rows: CauseRows, sets: Sequence[Sequence[Cause]]) -> ScoreTests:
     theta[: rows.found.theta.size] = rows.found.theta
 
     def measured(chosen: Sequence[Cause]) -> list[list[JointRows]]:
-        given = rows.problem, rows.found, chosen, rows.kinematics, rows.motions
-        return CauseRows(*given, measured=True).joints
+        return CauseRows(
+            rows.problem, rows.found, chosen, rows.kinematics, rows.motions, measured=True
+        ).joints
 
     own = measured if any(motion is not None for motion in rows.motions) else None
     sums, tried = rows.sums(rows.variances(theta)), max(map(len, sets))

@@ -138,17 +138,20 @@ class ScoreTests:
         every = np.arange(first[-1])
         self.scale = np.sqrt(np.maximum(self.xx.of(every, every)[0], 1e-300))
         self.freedom = degrees_of_freedom(sums.lengths)
+        self._known_columns: dict[tuple[int, ...], np.ndarray] = {}
         self._known_shares: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
         self._known_beside: dict[tuple[int, ...], Beside] = {}
 
     def columns(self, chosen: Sequence[int]) -> np.ndarray:
         """Indices of the model's columns and of those of some causes that others do not hide."""
-        kept = np.arange(self.sums.parameters)
-        for number, k in enumerate(chosen):
-            kept = np.r_[kept, self._distinct(kept, self.of(k))]
-            if number < len(chosen) - 1:
-                self._stay(kept)
-        return kept
+        if not chosen:
+            return np.arange(self.sums.parameters)
+        key = tuple(chosen)
+        if key not in self._known_columns:
+            before = self.columns(chosen[:-1])
+            self._stay(before)
+            self._known_columns[key] = np.r_[before, self._distinct(before, self.of(chosen[-1]))]
+        return self._known_columns[key]
 
     def _stay(self, columns: np.ndarray) -> None:
         """Columns that all others are to be tested beside."""
