@@ -49,8 +49,12 @@ class Named:
 
     @property
     def is_silent(self) -> bool:
-        """Whether nothing is said that would be a reservation."""
-        return not self.found.matter and not self.log
+        """Whether nothing is said that would be a reservation.
+
+        Warnings of an audit, such as rest at the ends, are notes where their repair does nothing.
+        """
+        grave = (f.severity == "error" or f.kind in LOG_KINDS.values() for f in self.log)
+        return not self.found.matter and not any(grave)
 
     @property
     def is_presumed(self) -> bool:

@@ -21,7 +21,6 @@ from pivident.foundation.text.repair import (
     setting,
 )
 from pivident.judgement.audit.scale import GAIN
-from pivident.judgement.audit.standstill import AT_ENDS
 from pivident.judgement.diagnostics.diagnostics import diagnose
 from pivident.judgement.diagnostics.reading_rows import ReadingRows
 from pivident.judgement.diagnostics.repair_search import search
@@ -58,21 +57,14 @@ def joint(problem: Problem, number: int) -> str:
     return problem.robot.joint_names[number]
 
 
-def at_29_hertz(rest: float = 0.0) -> Problem:
-    """The same log at 29 Hz, with the arm held still before and behind it for so long [s]."""
-    log = make_log(5, SETTING, joints=4)
-    rate, noise = SETTING.rate / 7, np.random.default_rng(1)
-    held = round(rest * rate)
-    q, tau = (np.pad(x[::7], ((held, held), (0, 0)), mode="edge") for x in (log.q, log.tau))
-    dq = np.pad(log.dq[::7], ((held, held), (0, 0)))
-    q = q + 1e-6 * noise.standard_normal(q.shape)
-    record = Recording("run", log.arm.joint_names, q, tau, rate, torque_timing="sampled", dq=dq)
-    return Problem(parse_urdf(log.arm.urdf), (record,))
-
-
 @pytest.fixture(scope="module")
 def slow() -> Problem:
-    return at_29_hertz()
+    """The same log at 29 Hz."""
+    log = make_log(5, SETTING, joints=4)
+    q, tau, dq = (x[::7] for x in (log.q, log.tau, log.dq))
+    rate = SETTING.rate / 7
+    record = Recording("run", log.arm.joint_names, q, tau, rate, torque_timing="sampled", dq=dq)
+    return Problem(parse_urdf(log.arm.urdf), (record,))
 
 
 def test_nothing_is_found_in_a_right_log(right):
@@ -162,18 +154,6 @@ def test_a_repair_that_leaves_nothing_is_a_lost_trial(right):
     (trial,) = tried(right, (finding,), METHODS["ls"], 5)
     assert trial.outcome == "unsolvable" and not trial.wins
     assert consequences((finding,), (trial,)) == ()
-
-
-@pytest.mark.parametrize(("kind", "wins"), [(AT_ENDS, True), (ODD, False)])
-def test_rest_that_spoils_the_motion_is_left_out_without_a_test(kind, wins):
-    """Two blocks allow no interval; nothing is lost without the rest, elsewhere there may be."""
-    resting = at_29_hertz(rest=5.0)
-    (record,) = resting.recordings
-    motion = setting("part", value=[5.0, record.duration - 5.0])
-    finding = kind.finding("warning", "The arm rests.", repairs=[motion])
-    (trial,) = tried(resting, (finding,), METHODS["ls"], 2)
-    assert trial.after < 0.5 * trial.before
-    assert trial.wins is wins
 
 
 def test_advice_that_changes_nothing_is_a_note(right):

@@ -5,7 +5,6 @@ carried out on the samples. Least squares is solved again, and its torque error 
 compared, block by block, with that of the log as it is read. A repair is shown
 
 - if the error falls by more than chance, corrected for the number that was tried, or
-- if it falls where the arm rests at the ends of a log, which takes nothing from it, or
 - if it does not move, and something else says so: the logged speeds, or friction that would give
   energy.
 
@@ -32,7 +31,6 @@ from pivident.foundation.text.finding import Finding
 from pivident.foundation.text.numbers import percent
 from pivident.foundation.text.repair import Change, Multiplied, Repair, Retimed
 from pivident.judgement.audit.scale import GAIN
-from pivident.judgement.audit.standstill import AT_ENDS
 from pivident.judgement.audit.steps import LOST, REPEATED_SAMPLE, unsteady_steps
 from pivident.judgement.diagnostics.logged_speeds import speed_evidence
 from pivident.judgement.diagnostics.reading_rows import ReadingRows
@@ -117,11 +115,6 @@ class _Suspicion:
     def rank(self) -> int:
         """The logged speeds come first, which need no model; then a search; then an audit."""
         return 1 if self.is_found else 2 if self.finding is not None else 0
-
-    @property
-    def is_certain(self) -> bool:
-        """Whether chance needs no answer: rest at the ends is seen, and has no motion to lose."""
-        return self.is_found or (self.finding is not None and self.finding.declared is AT_ENDS)
 
     def carried_out(self, problem: Problem) -> Problem:
         """The problem with the repair; without one, that of samples that are lost or repeated."""
@@ -280,7 +273,7 @@ def _trial(
         return trial
     ratio = error_ratio(other, given, LEVEL / number, _compared(one.repair))
     outcome: Outcome = "same"
-    if ratio.value < 1.0 - SAME and (one.is_certain or ratio.high < 1.0):
+    if ratio.value < 1.0 - SAME and (one.is_found or ratio.high < 1.0):
         outcome = "better"
     elif ratio.value > (CONTRADICTED if one.rank == 0 else 1.0 + SAME):
         outcome = "worse"
