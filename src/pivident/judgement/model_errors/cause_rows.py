@@ -195,7 +195,7 @@ class CauseRows:
         for number, (kin, motion) in enumerate(zip(kinematics, motions, strict=True)):
             self.joints.append(self._rows(number, kin, motion, began))
             began += kin.recording.duration
-        self.known = None
+        self.known = None  # its rows are not kept beside these
 
     def with_causes(self, causes: Sequence[Cause]) -> CauseRows:
         """The same for other causes, some of which may be the same."""
