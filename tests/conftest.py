@@ -112,6 +112,17 @@ def _figures_are_checked():
         yield
 
 
+@pytest.fixture
+def without_plotly(monkeypatch):
+    """Pages without the five megabytes of script that draw their figures."""
+    from pivident.foundation.document import plot
+
+    monkeypatch.setattr(plot, "library_text", lambda: "")
+    plot.drawing_library.cache_clear()
+    yield
+    plot.drawing_library.cache_clear()
+
+
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
     """Public records: ``$PIVIDENT_DATA``, its subfolder ``data``, or ``../shared/data``."""

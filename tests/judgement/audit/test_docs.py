@@ -3,18 +3,17 @@
 import re
 from pathlib import Path
 
-from pivident.foundation.document.plot import DrawingLibrary
+import pytest
+
 from pivident.foundation.text.finding import SEVERITIES
 from pivident.judgement.audit.audit import TOPICS
 
 TEXT = (Path(__file__).resolve().parents[3] / "docs" / "audit.md").read_text("utf-8")
 
 
+@pytest.mark.usefixtures("without_plotly")
 def test_example_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(
-        "pivident.judgement.report.builder.drawing_library", lambda: DrawingLibrary("", 0)
-    )
     (code,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
     exec(compile(code, "docs/audit.md", "exec"), {})
     assert (tmp_path / "log-audit" / "audit.html").is_file()

@@ -9,20 +9,13 @@ import numpy as np
 import pytest
 
 from pivident.app.cli import main
-from pivident.foundation.document.plot import DrawingLibrary
 from pivident.foundation.errors import PividentError
 from pivident.judgement.audit.audit import audit_log
 from pivident.judgement.report.audit_account import render_page, write_audit
 from tests.judgement.audit.logs import planar, with_torque
 from tests.planar_log import write_experiment
 
-
-@pytest.fixture(autouse=True)
-def _without_plotly(monkeypatch):
-    """Five megabytes of script, which say nothing here; test_browser has them."""
-    monkeypatch.setattr(
-        "pivident.judgement.report.builder.drawing_library", lambda: DrawingLibrary("", 0)
-    )
+pytestmark = pytest.mark.usefixtures("without_plotly")
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,6 @@ import polars as pl
 import pytest
 
 from pivident.app.cli import main
-from pivident.foundation.document.plot import DrawingLibrary
 from pivident.foundation.errors import PividentError
 from pivident.studies.friction.curves import curves_table, render_page, write_friction
 from pivident.studies.friction.friction_study import FrictionStudy, joint_friction
@@ -26,15 +25,7 @@ def study():
     return FrictionStudy("arm", "IDIM-IV", ("run",), (joint,), {"wrist": "it rests"})
 
 
-@pytest.fixture
-def _without_plotly(monkeypatch):
-    """Five megabytes of script, which say nothing here."""
-    monkeypatch.setattr(
-        "pivident.judgement.report.builder.drawing_library", lambda: DrawingLibrary("", 0)
-    )
-
-
-@pytest.mark.usefixtures("_without_plotly")
+@pytest.mark.usefixtures("without_plotly")
 def test_page_has_every_finding_and_plot(study):
     text = render_page(study)
     figures = re.findall(r'<script type="application/json">(.*?)</script>', text, re.DOTALL)
@@ -47,7 +38,7 @@ def test_page_has_every_finding_and_plot(study):
     assert "wrist is left out: it rests." in visible
 
 
-@pytest.mark.usefixtures("_without_plotly")
+@pytest.mark.usefixtures("without_plotly")
 def test_names_are_escaped(study):
     (joint,) = study.joints
     name = "<script>alert(1)</script>"
@@ -56,7 +47,7 @@ def test_names_are_escaped(study):
     assert "<script>alert" not in text and "&lt;script&gt;alert" in text
 
 
-@pytest.mark.usefixtures("_without_plotly")
+@pytest.mark.usefixtures("without_plotly")
 def test_ripple_has_its_section(study, tmp_path):
     ripple = found_in(record(3, cosine(40.0, 0.1, 1.0), joints=1), lag=0.0)
     (line,) = (line for line in ripple.lines if abs(line.order - 40.0) < 1.0)
@@ -74,7 +65,7 @@ def test_page_on_a_phone(study, tmp_path):
     assert seen["drawn"] == seen["plots"] == 7
 
 
-@pytest.mark.usefixtures("_without_plotly")
+@pytest.mark.usefixtures("without_plotly")
 def test_files_agree_and_are_strict(study, tmp_path):
     page = write_friction(study, tmp_path / "out")
     assert page.name == "friction.html"
@@ -108,7 +99,7 @@ def test_nothing_is_left_half_written(study, tmp_path, monkeypatch):
         write_friction(study, tmp_path / "file" / "out")
 
 
-@pytest.mark.usefixtures("_without_plotly")
+@pytest.mark.usefixtures("without_plotly")
 def test_command_line(tmp_path, capsys):
     experiment = write_experiment(tmp_path)
     out = tmp_path / "friction"

@@ -13,7 +13,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-from pivident.foundation.document.plot import DrawingLibrary
 from pivident.foundation.errors import ExperimentError
 from pivident.studies.many.fleet import identify_fleet as module
 from pivident.studies.many.fleet.conclusion import ALARMS, PARAMETERS, conclude_fleet
@@ -29,12 +28,7 @@ from tests.studies.many.fleet.planar_fleet import TEMPLATE, WARMTH, write_fleet
 ROBOTS, WORN = 6, {"arm_2": 1.1}
 
 
-@pytest.fixture(autouse=True)
-def _without_plotly(monkeypatch):
-    """Five megabytes of script, which say nothing here."""
-    monkeypatch.setattr(
-        "pivident.judgement.report.builder.drawing_library", lambda: DrawingLibrary("", 0)
-    )
+pytestmark = pytest.mark.usefixtures("without_plotly")
 
 
 @pytest.fixture(scope="module")
