@@ -9,7 +9,7 @@ from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.identify import identify
 from pivident.foundation.errors import IdentificationError
-from pivident.judgement.model_errors.cause import RecordMotion
+from pivident.judgement.model_errors.cause import Cause, RecordMotion
 from pivident.judgement.model_errors.corrections import (
     CORRECTED,
     INSTEAD,
@@ -19,10 +19,12 @@ from pivident.judgement.model_errors.corrections import (
 )
 from pivident.judgement.model_errors.coupling_errors import COUPLED
 from pivident.judgement.model_errors.named_causes import (
+    is_found,
     missing_causes,
     named_causes,
     score_tests,
 )
+from pivident.judgement.model_errors.score_tests import Score
 from pivident.judgement.model_errors.time_errors import WARMTH, Instants, time_causes
 
 from .faulty_tx40 import causes, right_estimate, right_problem, with_fault
@@ -172,3 +174,16 @@ def test_the_size_of_a_load_is_its_mass():
     np.testing.assert_allclose(load.columns(motion)[0], expected)
     assert load.by_first and load.unit == "kg"
     assert not load.columns(replace(motion, number=0)).any()
+
+
+@pytest.mark.parametrize(
+    ("unseen", "least", "found"),
+    [(0.05, 0.0, False), (0.11, 0.0, True), (0.15, 0.1, False), (0.25, 0.1, True)],
+)
+def test_what_foretells_much_needs_less_certainty(unseen, least, found):
+    """Beyond what it has to foretell, as ties of many columns have to anyway."""
+    cause = Cause("kind", "", "what", "", lambda motion: motion.q, least=least)
+    score = Score(cause, np.ones(1), np.eye(1), 5e-5, 0.3, unseen, np.zeros(1))
+    assert is_found(score, 100) is found  # 0.005 among all of them
+    assert is_found(replace(score, significance=5e-6), 100)
+    assert not is_found(replace(score, significance=5e-4), 100)

@@ -283,7 +283,9 @@ def _scaled(name: str, j: int) -> Cause:
         "correction of the scale of the positions",
         "%",
         columns,
-        correct=correct,
+        1,
+        correct,
+        LARGEST["%"],
     )
 
 
@@ -309,9 +311,8 @@ def _sine(name: str, j: int, order: float, words: str) -> Cause:
             problem, j, lambda q, _: q + a * np.sin(order * q) + b * np.cos(order * q), ref=False
         )
 
-    what = f"correction of the encoder once per {words}"
-    if order == TURNS[1]:
-        what = f"correction of the encoder twice per {words}"
+    often = "twice" if order == TURNS[1] else "once"
+    what = f"correction of the encoder {often} per {words}"
     return Cause("encoder", name, what, "mrad", columns, 2, correct, LARGEST["mrad"])
 
 

@@ -66,6 +66,9 @@ ALIKE = 0.9
 SIMPLER, STEADY = 0.7, 0.99
 #: Share of the most from which on causes help alike: the first in their order is then named.
 SAME = 0.999
+#: Level of a cause that foretells that share more than it has to of what is left of motion that was
+#: not fitted, as chance hardly does.
+FORETOLD = 1e-2
 #: Share of the most that a cause explains from which on its significance is asked first.
 NEAR = 0.5
 
@@ -308,8 +311,13 @@ def named_causes(problem: Problem, found: Identification) -> ModelErrors:
 def is_found(score: Score, tried: int) -> bool:
     """Whether a cause is significant among so many, and helps with motion that was not fitted."""
     least = score.cause.least
-    helps = score.unseen > least and score.explained >= least
-    return helps and score.significance * tried < LEVEL and score.cause.allows(score.size)
+    level = FORETOLD if score.unseen > least + EXPLAINS else LEVEL
+    return (
+        score.unseen > least
+        and score.explained >= least
+        and score.significance * tried < level
+        and score.cause.allows(score.size)
+    )
 
 
 def _is_large(
