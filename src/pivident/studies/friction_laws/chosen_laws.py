@@ -97,7 +97,7 @@ class Gain:
     std: float  # its standard error over the cells of the motion [%]
 
     def __str__(self) -> str:
-        return f"{self.percent:+.1f} ± {2.0 * self.std:.1f}"
+        return f"{self.percent:+z.1f} ± {2.0 * self.std:.1f}"
 
 
 @dataclass(frozen=True)

@@ -389,6 +389,11 @@ def test_without_an_interval_the_difference_itself_decides():
     assert not is_worse(Ratio(1.021, 0.9, 1.16)) and is_worse(Ratio(1.1, 1.01, 1.2))
 
 
+def test_what_rounds_to_zero_has_no_sign_of_its_own():
+    assert str(Ratio(0.9998, 0.9996, 1.0002)) == "+0.0 % (95 %: +0.0 to +0.0 %)"
+    assert str(Ratio(0.98, 0.97, 1.0)) == "-2.0 % (95 %: -3.0 to +0.0 %)"
+
+
 def test_an_estimate_is_not_called_the_best_where_least_squares_predicts_better(problem):
     results = {name: cross_validate(problem, METHODS[name], folds=2) for name in ("ls", "piv")}
     best = min(results, key=lambda name: results[name].prediction.total_in_band)

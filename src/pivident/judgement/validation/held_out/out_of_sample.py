@@ -72,10 +72,10 @@ class Ratio:
     @property
     def range(self) -> str:
         """The interval of the difference in words."""
-        return f"{100 * (self.low - 1):+.1f} to {100 * (self.high - 1):+.1f} %"
+        return f"{100 * (self.low - 1):+z.1f} to {100 * (self.high - 1):+z.1f} %"
 
     def __str__(self) -> str:
-        text = f"{100 * (self.value - 1):+.1f} %"
+        text = f"{100 * (self.value - 1):+z.1f} %"
         if np.isnan(self.low):
             return f"{text} (one or two stretches, no interval)"
         return f"{text} (95 %: {self.range})"
