@@ -30,7 +30,7 @@ def examples_of(value: object, name: str) -> list[doctest.DocTest]:
 def difference(test: doctest.DocTest) -> str:
     """What an example shows and what it should, in lines; empty where they agree."""
     said: list[str] = []
-    doctest.DocTestRunner(optionflags=FLAGS).run(test, out=said.append)
+    doctest.DocTestRunner(verbose=False, optionflags=FLAGS).run(test, out=said.append)
     return "".join(said)
 
 
