@@ -267,7 +267,7 @@ def _trial(
     try:
         slower = math.prod(e.factor for e in _edits(one.repair) if isinstance(e, Retimed))
         band = given.prediction.band / slower
-        method = _at_pace(method, 1.0 / slower)
+        method = _at_pace(method, 1.0 / slower, problem.robot.size)
         other = _judged(one.carried_out(problem), method, folds, gap, band)
     except PividentError:
         return trial
@@ -280,12 +280,12 @@ def _trial(
     return replace(trial, outcome=outcome, after=other.prediction.total_moving_in_band)
 
 
-def _at_pace(method: Method, factor: float) -> Method:
+def _at_pace(method: Method, factor: float, joints: int) -> Method:
     """The same filters for a motion that is so many times as fast as the log's clock says."""
     signals = method.signals
     if factor == 1.0 or not isinstance(signals, Bandpass):
         return method
-    cutoff = signals.cutoff and tuple(factor * np.atleast_1d(signals.cutoff))
+    cutoff = signals.cutoff and tuple(factor * signals.cutoffs(joints))
     bandwidth = signals.bandwidth and factor * signals.bandwidth
     return replace(method, signals=replace(signals, cutoff=cutoff, bandwidth=bandwidth))
 
