@@ -66,7 +66,7 @@ ALIKE = 0.9
 SIMPLER, STEADY = 0.7, 0.99
 #: Share of the most from which on causes help alike: the first in their order is then named.
 SAME = 0.999
-#: Level of a cause that foretells that share more than it has to of what is left of motion that was
+#: Level of a cause that takes `EXPLAINS` more than it has to from what is left of motion that was
 #: not fitted, as chance hardly does.
 FORETOLD = 1e-2
 #: Share of the most that a cause explains from which on its significance is asked first.
