@@ -88,19 +88,16 @@ def diffuse_fit(y: np.ndarray, nvr: float, order: int) -> DiffuseFit:
     return DiffuseFit(*_smooth(y, np.diff(y, order), difference_coefficients(order), nvr))
 
 
-def innovations_model(nvr: float, order: int) -> tuple[np.ndarray, float]:
+@compiled()
+def spectral_factor(nvr, order):
     """θ, monic, and f0 of  NVR + (2 sin(ω/2))²ᵐ = f0 · |θ(e^{-iω})|²  in closed form.
 
     The 2m roots of the left side come in pairs ζ + 1/ζ = 2 - s with sᵐ = -NVR; those inside the
     unit circle make θ(z) = ∏ (1 - ζ_k z⁻¹). f0 is the innovation variance in units of r.
+
+    Returns:
+        θ padded with zeros to degree four, f0, and the modulus of the slowest root of θ.
     """
-    theta, f0, _ = _spectral_factor(nvr, order)
-    return theta[: order + 1], f0
-
-
-@compiled()
-def _spectral_factor(nvr, order):
-    """θ padded with zeros to degree four, f0, and the modulus of the slowest root of θ."""
     theta, real = np.zeros(5, dtype=np.complex128), np.zeros(5)
     theta[0] = 1.0
     f0, slowest = 1.0 + 0.0j, 0.0
@@ -166,7 +163,7 @@ def _smooth(y, w, d, nvr):
 def _factorise(y, w, d, nvr):
     """Rows of R until they settle, c = R⁻ᵀ w, and the settled row as θ and f0."""
     order = len(d) - 1
-    theta, f0, slowest = _spectral_factor(nvr, order)
+    theta, f0, slowest = spectral_factor(nvr, order)
     settling = math.ceil(math.log(_SETTLED) / (2 * math.log(slowest))) + _EXTRA_ROWS
     rows = int(min(settling, w.size))
     head, c = np.empty((rows, len(d))), np.empty(w.size)

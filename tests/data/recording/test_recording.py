@@ -12,7 +12,6 @@ from pivident.foundation.errors import (
     SaturatedSignal,
     ShapeMismatch,
 )
-from pivident.robot.transmission import Transmission
 
 
 def motion(samples=400, joints=2, rate=100.0):
@@ -223,41 +222,6 @@ def test_a_rate_that_is_not_positive_is_refused(field, value):
 def test_options_that_mean_nothing_are_refused(field, value, message):
     with pytest.raises(RecordingError, match=message):
         recording(**{field: value})
-
-
-COUPLED = Transmission(
-    reduction=np.array([[50.0, 0.0], [30.0, -40.0]]),
-    drive_gain=np.array([0.5, 2.0]),
-    position_offset=np.array([0.1, -0.2]),
-)
-
-
-def test_motor_signals_come_out_on_the_joint_side():
-    q, tau = motion()
-    command = COUPLED.motor_torques(tau) / COUPLED.drive_gain
-    made = Recording.from_motor_side(
-        "run", ("a", "b"), COUPLED.motor_positions(q), command, COUPLED, 100.0, delay=1e-3
-    )
-    np.testing.assert_allclose(made.q, q, atol=1e-14)
-    np.testing.assert_allclose(made.tau, tau, atol=1e-13)
-    assert made.delay == 1e-3
-
-
-def test_saturation_is_seen_on_the_motor_that_saturates():
-    q, tau = motion()
-    command = COUPLED.motor_torques(tau) / COUPLED.drive_gain
-    command[:, 1] = np.clip(command[:, 1], -0.005, 0.005)
-    arguments = ("run", ("a", "b"), COUPLED.motor_positions(q), command, COUPLED, 100.0)
-    with pytest.raises(SaturatedSignal) as caught:
-        Recording.from_motor_side(*arguments)
-    assert caught.value.joint == "b"
-    assert Recording.from_motor_side(*arguments, saturation="allow").joints == 2
-
-
-def test_motor_signals_of_another_number_of_joints_are_refused():
-    q, tau = motion(joints=3)
-    with pytest.raises(ShapeMismatch):
-        Recording.from_motor_side("run", ("a", "b"), q, tau, COUPLED, 100.0)
 
 
 def test_a_log_without_torque_says_so():

@@ -169,6 +169,23 @@ def test_advice_that_changes_nothing_is_a_note(right):
     assert left.severity == "note" and "Of no consequence" in left.message
 
 
+@pytest.mark.parametrize(("blocks", "outcome"), [(5, "better"), (2, "unclear")])
+def test_what_helps_on_two_blocks_stays_a_reservation(right, blocks, outcome):
+    """Two blocks have no interval: neither is it shown as a repair, nor of no consequence."""
+    name = joint(right, 1)
+    wrong = after(right, Multiplied(channel="q", factors=((name, 1.05),)))
+    repair = Repair((Multiplied(channel="q", factors=((name, 1.0 / 1.05),)),))
+    finding = ODD.finding("warning", "It is odd.", repairs=[repair])
+    without = replace(wrong, recordings=(replace(wrong.recordings[0], dq=None),))
+    (trial,) = tried(without, (finding,), METHODS["ls"], blocks)
+    assert trial.outcome == outcome and trial.after < 0.98 * trial.before
+    left = consequences((finding,), (trial,))
+    assert [(one.severity, one.repairs) for one in left] == (
+        [] if outcome == "better" else [("warning", finding.repairs)]
+    )
+    assert all("two blocks" in one.message for one in left)
+
+
 def test_advice_that_makes_it_worse_is_not_given(right):
     wrong_way = Repair((Reversed(channel="tau", joints=(joint(right, 1),)),))
     finding = ODD.finding("warning", "It is odd.", repairs=[wrong_way])

@@ -6,6 +6,7 @@ import pytest
 import pivident as pv
 from pivident.dynamics.regressor import Regressor
 from pivident.judgement.model_errors import motion_errors
+from pivident.judgement.model_errors.cause import RecordMotion
 
 
 @pytest.mark.parametrize("name", ["planar_2r", "staubli_tx40"])
@@ -29,3 +30,44 @@ def test_entries_in_another_geometry_are_those_of_the_robot_built_anew(name, way
         assert np.array_equal(own.torque(*motion, theta), anew.torque(*motion, theta))
         differs |= not np.array_equal(own.torque(*motion, theta), regressor.torque(*motion, theta))
     assert differs
+
+
+def places_in_play(pull):
+    place = np.empty(pull.size)
+    motion_errors.find_places_in_play(pull, place)
+    return place
+
+
+def test_a_link_flies_from_flank_to_flank_by_the_third_power_of_time():
+    samples = np.arange(200.0)
+    slope = 6.0 / 30.0**3  # the width is passed in thirty samples: slope t³/6 = 1
+    place = places_in_play(slope * (samples - 50.0))
+    np.testing.assert_array_equal(place[:51], -0.5)
+    flight = samples[51:78] - 50.0
+    np.testing.assert_allclose(place[51:78], -0.5 + slope * flight**3 / 6.0, atol=0.1)
+    assert place[75] < 0.5
+    np.testing.assert_array_equal(place[82:], 0.5)
+
+
+def test_play_is_one_sided_where_the_pull_is_and_passed_at_once_where_it_is_strong():
+    turns = np.sin(np.linspace(0.0, 20.0, 500))
+    np.testing.assert_array_equal(places_in_play(-1.5 + turns), -0.5)
+    np.testing.assert_array_equal(places_in_play(1e6 * turns), 0.5 * np.sign(turns + 1e-300))
+    back = places_in_play(np.repeat([1.0, -1e-4, 1.0], [5, 20, 5]))
+    assert back[:5].min() == 0.5 and -0.5 < back[24] < 0.5 and back[-1] == 0.5
+
+
+def test_what_a_gear_transmits_has_no_rotor_in_it():
+    robot = pv.load_robot("staubli_tx40")
+    parameters = pv.base_parameters(robot).parameters
+    rng = np.random.default_rng(1)
+    q, dq, ddq = rng.uniform(-2.0, 2.0, (3, robot.size, 30))
+    theta = rng.uniform(1.0, 2.0, len(parameters))
+    motion = RecordMotion(Regressor.build(robot, parameters), theta, q, dq, ddq, 100.0, 0)
+    rotors = {p.joint: value for p, value in zip(parameters, theta, strict=True) if p.stem == "ia"}
+    del rotors[4], rotors[5]  # whose motors turn both axes
+    assert rotors
+    for j, rotor in rotors.items():
+        np.testing.assert_allclose(motion.load[j] - motion.transmitted[j], rotor * ddq[j])
+        whole = motion.along(j, (0 * q[j], 0 * q[j], 0 * q[j] + 1.0), 1e-6)[j]
+        np.testing.assert_allclose(motion.transmitted_by_acceleration(j), whole - rotor, rtol=1e-6)

@@ -32,18 +32,18 @@ def sine(own, joint):
     return np.sin(q), np.cos(q) * dq, np.cos(q) * ddq - np.sin(q) * dq**2
 
 
-@pytest.mark.parametrize("load", [False, True])
+@pytest.mark.parametrize("transmitted", [False, True])
 @pytest.mark.parametrize("joint", [0, 2, 5])
-def test_derivatives_together_are_the_difference_along_the_change(joint, load):
+def test_derivatives_together_are_the_difference_along_the_change(joint, transmitted):
     own = motion(pv.load_robot("staubli_tx40"))
     change = sine(own, joint)
-    found = own.along(joint, change, STEP, load)
+    found = own.along(joint, change, STEP, transmitted)
     moved = [own.q.copy(), own.dq.copy(), own.ddq.copy()]
     before = [x.copy() for x in moved]
     for signal, other, delta in zip(moved, before, change, strict=True):
         signal[joint] += STEP * delta
         other[joint] -= STEP * delta
-    torque = own.load_at if load else own.torque_at
+    torque = own.transmitted_at if transmitted else own.torque_at
     expected = (torque(*moved) - torque(*before)) / (2.0 * STEP)
     np.testing.assert_allclose(found, expected, atol=2e-4 * np.abs(expected).max())
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Integral
-from typing import Any, Literal, Unpack, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,6 @@ from pivident.data.recording.checks import (
     SOURCE_SENTENCES,
     TIMING_WORDS,
     MeasuredWrench,
-    RecordingOptions,
     Saturation,
     TorqueSource,
     TorqueTiming,
@@ -37,7 +36,6 @@ from pivident.foundation.text.display import Printed
 from pivident.foundation.text.identifiers import is_printable
 from pivident.robot.description import TorqueSide
 from pivident.robot.naming import numbered_joints
-from pivident.robot.transmission import Transmission
 
 __all__ = [
     "CHANNELS",
@@ -527,46 +525,3 @@ class Recording(Printed):
             saturation=saturation,
             notes=tuple(notes),
         )
-
-    @classmethod
-    def from_motor_side(
-        cls,
-        name: str,
-        joint_names: Sequence[str],
-        q_motor: np.ndarray,
-        command: np.ndarray,
-        transmission: Transmission,
-        rate: float,
-        **options: Unpack[RecordingOptions],
-    ) -> Recording:
-        """A recording from motor positions and drive commands.
-
-        Finite values and saturation are judged on the motor side, since couplings mix the motors:
-        the sum of a clipped and an unclipped torque shows no limit.
-
-        Args:
-            name: name of the run.
-            joint_names: names of the joints.
-            q_motor: motor positions, shape (samples, joints) [rad or m].
-            command: drive commands, shape (samples, joints); times the transmission's drive gain
-                they are motor torques [N m or N].
-            transmission: reduction, couplings, drive gains and position offsets.
-            rate: sampling rate [Hz].
-            options: further fields of the recording, as of `pivident.load_recording`.
-
-        Returns:
-            The recording, SI and joint side.
-
-        Raises:
-            RecordingError: as for the recording itself.
-        """
-        names = tuple(joint_names)
-        q_motor, command = np.asarray(q_motor, float), np.asarray(command, float)
-        for channel, values in (("q", q_motor), ("tau", command)):
-            checks.check_shape(channel, values, (len(q_motor), len(transmission.drive_gain)))
-            checks.check_finite(channel, values, names)
-        if options.get("saturation", "refuse") == "refuse":
-            checks.check_not_saturated("tau", command, q_motor, names)
-        q = transmission.joint_positions(q_motor)
-        tau = transmission.joint_torques(command * transmission.drive_gain)
-        return cls(name, names, q, tau, rate, **options)

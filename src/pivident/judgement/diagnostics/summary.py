@@ -217,7 +217,7 @@ def summary_of(
     at = [f"{temperature_text(own.reference)} ({own.joint})" for own in result.friction_warming]
     text += f"; friction is that at {listed(at)}" * bool(at)
     repairs = [Item(t.cause, effect=t.effect) for t in diagnostics.trials if t.wins]
-    further = [_item(s) for s in reservations if not s.repairs]
+    further = [_item(s) for s in reservations]
     items = repairs or further  # what a fault of the log makes of the rest is not known yet
     return Summary(
         _subject(result),

@@ -8,6 +8,8 @@ compared, block by block, with that of the log as it is read. A repair is shown
 - if it does not move, and something else says so: the logged speeds, or friction that would give
   energy.
 
+Where it falls on one or two blocks, which have no interval, what an audit said stays as it is.
+
 One that makes the error larger, or leaves nothing to be solved, is never shown.
 """
 
@@ -56,7 +58,7 @@ BESIDE = 3
 #: Repairs that are carried out at most.
 MAX_TRIALS = 8
 
-Outcome = Literal["better", "same", "worse", "unsolvable"]
+Outcome = Literal["better", "unclear", "same", "worse", "unsolvable"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +88,7 @@ class Trial:
     @property
     def wins(self) -> bool:
         """Whether the log is better read with it."""
-        by_evidence = self.outcome == "same" and bool(self.evidence)
+        by_evidence = self.outcome in ("same", "unclear") and bool(self.evidence)
         return self.repair is not None and (self.outcome == "better" or by_evidence)
 
     @property
@@ -275,6 +277,8 @@ def _trial(
     outcome: Outcome = "same"
     if ratio.value < 1.0 - SAME and (one.is_found or ratio.high < 1.0):
         outcome = "better"
+    elif ratio.value < 1.0 - SAME and math.isnan(ratio.high):
+        outcome = "unclear"
     elif ratio.value > (CONTRADICTED if one.rank == 0 else 1.0 + SAME):
         outcome = "worse"
     return replace(trial, outcome=outcome, after=other.prediction.total_moving_in_band)
@@ -330,9 +334,10 @@ def consequences(log: Sequence[Finding], trials: Iterable[Trial]) -> tuple[Findi
     """What an audit has against a log, as far as it has consequences.
 
     A finding whose repairs were all tried in vain is left out where they make the result worse, and
-    a note where they change nothing. A torque of another size than the description's is a note if
-    it is no gain; where a gain would change nothing, which it is remains open. What nobody can try
-    is a reservation at most.
+    a note where they change nothing; where the error falls on too few blocks for an interval, it
+    says so. A torque of another size than the description's is a note if it is no gain; where a
+    gain would change nothing, which it is remains open. What nobody can try is a reservation at
+    most.
     """
     done, left = list(trials), []
     for finding in log:
@@ -344,19 +349,17 @@ def consequences(log: Sequence[Finding], trials: Iterable[Trial]) -> tuple[Findi
             if not finding.repairs:
                 left.append(_of_description(finding, own[0]))
             continue
-        same = [
-            trial.effect
-            for trial in own
-            if trial.outcome == "same" or (trial.repair is None and trial.outcome == "worse")
-        ]
-        if same and (finding.repairs or own[0].repair is None):
-            effect = same[0]
-            text = f"{finding.message} Of no consequence: repaired, {effect}."
-            left.append(replace(finding, severity="note", message=text, next_step="", repairs=()))
-        elif finding.severity == "error":
-            left.append(replace(finding, severity="warning"))
-        else:
-            left.append(finding)
+        effects = {trial.outcome: f"repaired, {trial.effect}" for trial in own}
+        same = effects.get("same") or (effects.get("worse") if own and not own[0].repair else None)
+        if "unclear" in effects:
+            text = f"{finding.message} On trial {effects['unclear']}, on one or two blocks only."
+            finding = replace(finding, message=text)
+        elif same and (finding.repairs or own[0].repair is None):
+            text = f"{finding.message} Of no consequence: {same}."
+            finding = replace(finding, severity="note", message=text, next_step="", repairs=())
+        left.append(
+            replace(finding, severity="warning") if finding.severity == "error" else finding
+        )
     return tuple(left)
 
 

@@ -83,16 +83,23 @@ class RecordMotion:
     @cached_property
     def load(self) -> np.ndarray:
         """Torque of inertia, gravity and springs alone: what the joints carry, likewise."""
-        return self.load_at(self.q, self.dq, self.ddq)
+        carried = [p.carries_load for p in self.regressor.parameters]
+        theta = np.where(carried, self.theta, 0.0)
+        return self.regressor.torque(self.q.T, self.dq.T, self.ddq.T, theta).T
+
+    @cached_property
+    def transmitted(self) -> np.ndarray:
+        """Torque that the gears transmit to the links: the load without that of the rotors."""
+        return self.transmitted_at(self.q, self.dq, self.ddq)
 
     def torque_at(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
         """Φθ on another motion, shape (joints, samples)."""
         return self.regressor.torque(q.T, dq.T, ddq.T, self.theta).T
 
-    def load_at(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        """The same without friction, offsets and ripple."""
-        carried = [p.carries_load for p in self.regressor.parameters]
-        return self.regressor.torque(q.T, dq.T, ddq.T, np.where(carried, self.theta, 0.0)).T
+    def transmitted_at(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        """The same without friction, offsets, ripple and rotors, as far as these stand alone."""
+        own = [p.carries_load and p.stem not in ("ia", "iam") for p in self.regressor.parameters]
+        return self.regressor.torque(q.T, dq.T, ddq.T, np.where(own, self.theta, 0.0)).T
 
     def torque_by(self, regressor: Regressor) -> np.ndarray:
         """Torque of the same parameters in another robot, shape (joints, samples).
@@ -118,7 +125,7 @@ class RecordMotion:
         joint: int,
         change: tuple[np.ndarray, np.ndarray, np.ndarray],
         step: float,
-        load: bool = False,
+        transmitted: bool = False,
     ) -> np.ndarray:
         """Derivative of the torque along a change of one joint's motion, shape (joints, samples).
 
@@ -126,38 +133,41 @@ class RecordMotion:
         is asked along the whole change.
 
         ``change``: δq, δdq and δddq of the joint, shape (samples,) each; ``step``: size of the
-        difference along it; ``load``: of what the joints carry alone.
+        difference along it; ``transmitted``: of what the gears transmit alone.
         """
         if self.regressor.inner_entries.size:
-            return self._difference(joint, change, step, load)
-        by_position, by_speed, by_acceleration = self._derivatives(joint, load)
+            return self._difference(joint, change, step, transmitted)
+        by_position, by_speed, by_acceleration = self._derivatives(joint, transmitted)
         return by_position * change[0] + by_speed * change[1] + by_acceleration * change[2]
 
-    def _derivatives(self, joint: int, load: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def transmitted_by_acceleration(self, joint: int) -> np.ndarray:
+        """Inertia of a joint's links, ∂τ/∂ddq of what its gear transmits, shape (samples,)."""
+        return np.asarray(self._derivatives(joint, transmitted=True)[2][joint])
+
+    def _derivatives(
+        self, joint: int, transmitted: bool
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """∂τ/∂q, ∂τ/∂dq and ∂τ/∂ddq of one joint, made once; shape (joints, samples) each."""
         with self._locks[joint]:
-            known = self._known
-            if (joint, False) not in known:
-                by_acceleration = self._by(joint, 2, 1.0, False)  # linear
-                pair = self._by(joint, 0, STEP, False), self._by(joint, 1, STEP, False)
-                known[joint, False] = *pair, by_acceleration
-            if load and (joint, True) not in known:
-                pair = self._by(joint, 0, STEP, True), self._by(joint, 1, STEP, True)
-                known[joint, True] = *pair, known[joint, False][2]
-            return known[joint, load]
-
-    def _by(self, joint: int, which: int, step: float, load: bool) -> np.ndarray:
-        """Derivative of the torque by q, dq or ddq (0, 1, 2) of a joint."""
-        one, none = np.ones(self.q.shape[1]), np.zeros(self.q.shape[1])
-        first, second, third = (one if k == which else none for k in range(3))
-        return self._difference(joint, (first, second, third), step, load)
+            if (joint, transmitted) not in self._known:
+                one, none = np.ones(self.q.shape[1]), np.zeros(self.q.shape[1])
+                by_position, by_speed, by_acceleration = (
+                    self._difference(joint, change, step, transmitted)
+                    for change, step in (
+                        ((one, none, none), STEP),
+                        ((none, one, none), STEP),
+                        ((none, none, one), 1.0),  # linear
+                    )
+                )
+                self._known[joint, transmitted] = by_position, by_speed, by_acceleration
+            return self._known[joint, transmitted]
 
     def _difference(
         self,
         joint: int,
         change: tuple[np.ndarray, np.ndarray, np.ndarray],
         step: float,
-        load: bool,
+        transmitted: bool,
     ) -> np.ndarray:
         """(τ(motion + step · change) - τ(motion)) / step."""
         moved = []
@@ -165,12 +175,13 @@ class RecordMotion:
             other = signal.copy()
             other[joint] += step * delta
             moved.append(other)
-        after = self.load_at(*moved) if load else self.torque_at(*moved)
-        return (after - (self.load if load else self.torque)) / step
+        if transmitted:
+            return (self.transmitted_at(*moved) - self.transmitted) / step
+        return (self.torque_at(*moved) - self.torque) / step
 
     @cached_property
     def _known(self) -> dict[tuple[int, bool], tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Derivatives made so far: of a joint, of the whole torque or of the load."""
+        """Derivatives made so far: of a joint, of the whole torque or of what gears transmit."""
         return {}
 
     @cached_property

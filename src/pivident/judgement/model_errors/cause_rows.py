@@ -306,7 +306,7 @@ class CauseRows:
         before = self.known
         place = {} if before is None else {cause: k for k, cause in enumerate(before.causes)}
         for asked in {own, clean}:
-            asked.torque, asked.load  # noqa: B018 - once, before several threads ask
+            asked.torque, asked.load, asked.transmitted  # noqa: B018 - before several threads ask
         smooth.torque  # noqa: B018
 
         def make(k: int) -> None:

@@ -2,8 +2,10 @@
 
 An error δq(t) of one joint's position changes speeds and accelerations with it, and the torque by
 its derivative along all three. An encoder that turns with a share s of another joint reads
-q + s q_i for its position q. Behind a spring of stiffness k the link is at q - τ_load/k, with play
-of width b at q - (b/2) sign(τ_load), and only what the link carries moves with it.
+q + s q_i for its position q. What the gear transmits to the link, τ_link, is its load without the
+rotor's inertia. Behind a spring of stiffness k the link is at q - τ_link/k, with play of width b at
+q - (b/2) sign(τ_link), and only what the link carries moves with it. From one flank to the other it
+is free, ẍ = -τ_link/M with M = ∂τ_link/∂ddq, which takes some ten milliseconds.
 
 Geometry that is off: lengths and angles between joints, and the way up.
 
@@ -19,6 +21,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +29,7 @@ from pivident.data.recording.recording import Recording
 from pivident.dynamics.regressor import Regressor
 from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.problem import Problem
+from pivident.foundation.compiled import kernel
 from pivident.judgement.model_errors.cause import (
     NEGLIGIBLE,
     SAMPLES_PER_PERIOD,
@@ -41,8 +45,8 @@ from pivident.signals.bandpass import butterworth
 PERCENT, MILLI, MICRO = 1e-2, 1e-3, 1e-6
 #: Largest sizes that are believed.
 LARGEST = {"°": 5.0, "mm": 50.0, "%": 20.0, "mrad": 20.0}
-#: Share of the largest load at which play has been taken up.
-TAKEN_UP = 0.02
+#: Play for which the time between the flanks is reckoned [mrad, mm]; its third root counts.
+PLAY = {"mrad": 0.5, "mm": 0.05}
 #: Highest frequency of the errors of a spring and of play, in bands of the motion.
 WITHIN = 2.0
 #: Periods of a joint's turn that its encoder may have errors of.
@@ -51,9 +55,6 @@ TURNS = (1, 2)
 MILLIMETRE, DEGREE = 1e-3, np.pi / 180.0
 #: Steps of the differences [mm, °].
 STEPS = {"mm": 1e-2, "°": 1e-3}
-#: Largest sizes that are believed [mm, °].
-
-
 #: Direction of gravity beyond which a turn about an axis leaves it where it is.
 UPRIGHT = 0.99
 #: A robot changed by a length [m] or an angle [rad].
@@ -234,59 +235,69 @@ def _shared(joint: Joint, seen: Joint, j: int, other: int) -> Cause:
     """An encoder that reads q_j + s q_i: the joint is at what it reads less the share."""
     alike = joint.kind == seen.kind
     scale, unit = (PERCENT, "%") if alike else (1.0, f"{joint.position_unit}/{seen.position_unit}")
-
-    def columns(motion: RecordMotion) -> np.ndarray:
-        change = motion.q[other], motion.dq[other], motion.ddq[other]
-        return -scale * motion.along(j, change, STEP)[None]
-
-    def correct(problem: Problem, size: np.ndarray) -> Problem:
-        share = scale * float(size[0])
-        return with_positions(problem, j, lambda q, every: q - share * every[:, other])
-
-    return Cause(
+    return _misread(
         "encoder coupling",
         joint.name,
         f"share of {seen.name} that its encoder reads",
         unit,
-        columns,
-        1,
-        correct,
-        LARGEST["%"] if alike else np.inf,
+        j,
+        lambda m: (m.q[other], m.dq[other], m.ddq[other]),
+        lambda size, q, every: q + size * every[:, other],
+        -scale,
+        largest=LARGEST["%"] if alike else np.inf,
         least_torque=NEGLIGIBLE,
         phrase=f"the encoder of {joint.name} turns with {{size}} of {seen.name}",
     )
 
 
 def _shifted(name: str, j: int, scale: float, unit: str) -> Cause:
-    def columns(motion: RecordMotion) -> np.ndarray:
-        one, none = np.ones(motion.q.shape[1]), np.zeros(motion.q.shape[1])
-        return scale * motion.along(j, (one, none, none), STEP)[None]
-
-    def correct(problem: Problem, size: np.ndarray) -> Problem:
-        return with_positions(problem, j, lambda q, _: q + scale * size[0])
-
-    what = "correction of the zero position"
-    return Cause("zero position", name, what, unit, columns, 1, correct, LARGEST[unit])
+    return _misread(
+        "zero position",
+        name,
+        "correction of the zero position",
+        unit,
+        j,
+        lambda m: (np.ones_like(m.q[j]), np.zeros_like(m.q[j]), np.zeros_like(m.q[j])),
+        lambda size, q, _: q + size,
+        scale,
+        largest=LARGEST[unit],
+    )
 
 
 def _scaled(name: str, j: int) -> Cause:
-    def columns(motion: RecordMotion) -> np.ndarray:
-        change = motion.q[j], motion.dq[j], motion.ddq[j]
-        return PERCENT * motion.along(j, change, STEP)[None]
-
-    def correct(problem: Problem, size: np.ndarray) -> Problem:
-        return with_positions(problem, j, lambda q, _: q * (1.0 + PERCENT * size[0]))
-
-    return Cause(
+    return _misread(
         "position scale",
         name,
         "correction of the scale of the positions",
         "%",
-        columns,
-        1,
-        correct,
-        LARGEST["%"],
+        j,
+        lambda m: (m.q[j], m.dq[j], m.ddq[j]),
+        lambda size, q, _: q * (1.0 + size),
+        PERCENT,
+        largest=LARGEST["%"],
     )
+
+
+def _misread(
+    kind: str, name: str, what: str, unit: str, j: int,
+    change: Callable[[RecordMotion], tuple[np.ndarray, np.ndarray, np.ndarray]],
+    corrected: Callable[[float, np.ndarray, np.ndarray], np.ndarray],
+    scale: float,
+    **options: Any,
+) -> Cause:  # fmt: skip
+    """An encoder whose error follows from the positions.
+
+    ``change``: δq and its derivatives per unit of size; ``corrected``: positions of the joint
+    corrected, from the size, these and those of all joints; ``scale``: SI units of the unit.
+    """
+
+    def columns(motion: RecordMotion) -> np.ndarray:
+        return scale * motion.along(j, change(motion), STEP)[None]
+
+    def correct(problem: Problem, size: np.ndarray) -> Problem:
+        return with_positions(problem, j, lambda q, every: corrected(scale * size[0], q, every))
+
+    return Cause(kind, name, what, unit, columns, 1, correct, **options)
 
 
 def _sine(name: str, j: int, order: float, words: str) -> Cause:
@@ -317,35 +328,62 @@ def _sine(name: str, j: int, order: float, words: str) -> Cause:
 
 
 def _behind_motor(
-    name: str, j: int, kind: str, what: str, unit: str, error: Callable[[np.ndarray], np.ndarray],
+    name: str, j: int, kind: str, what: str, unit: str, error: Callable[[RecordMotion], np.ndarray],
     scale: float,
 ) -> Cause:  # fmt: skip
     """An error of the link's position that follows from the torque it carries."""
 
     def columns(motion: RecordMotion) -> np.ndarray:
-        cutoff = WITHIN * motion.rate / SAMPLES_PER_PERIOD
-        delta = -butterworth(error(motion.load[j]), motion.rate, cutoff)
+        delta = -_within_band(error(motion), motion)
         speed = motion.derivative(delta)
         change = delta, speed, motion.derivative(speed)
         largest = max(float(np.abs(delta).max()), 1e-300)
-        return scale * motion.along(j, change, STEP / largest, load=True)[None]
+        return scale * motion.along(j, change, STEP / largest, transmitted=True)[None]
 
     largest = LARGEST.get(unit, np.inf)
     return Cause(kind, name, what, unit, columns, largest=largest, is_positive=True, is_rough=True)
 
 
+def _within_band(signal: np.ndarray, motion: RecordMotion) -> np.ndarray:
+    """A signal as far as its frequencies may matter."""
+    return butterworth(signal, motion.rate, WITHIN * motion.rate / SAMPLES_PER_PERIOD)
+
+
 def _spring(name: str, j: int, turns: bool) -> Cause:
     unit = "µrad/(N m)" if turns else "µm/N"
     what = "compliance between motor and link"
-    return _behind_motor(name, j, "elasticity", what, unit, lambda load: load, MICRO)
+    return _behind_motor(name, j, "elasticity", what, unit, lambda m: m.transmitted[j], MICRO)
 
 
 def _play(name: str, j: int, turns: bool) -> Cause:
-    def error(load: np.ndarray) -> np.ndarray:
-        return 0.5 * np.tanh(load / (TAKEN_UP * max(float(np.abs(load).max()), 1e-300)))
-
     unit = "mrad" if turns else "mm"
+
+    def error(motion: RecordMotion) -> np.ndarray:
+        mass = np.maximum(motion.transmitted_by_acceleration(j), 1e-300)
+        pull = _within_band(motion.transmitted[j], motion) / mass
+        place = np.empty(pull.size)
+        find_places_in_play(pull / (MILLI * PLAY[unit] * motion.rate**2), place)
+        return place
+
     return _behind_motor(name, j, "backlash", "play behind the motor", unit, error, MILLI)
+
+
+@kernel
+def find_places_in_play(pull: np.ndarray, place: np.ndarray) -> None:
+    """Where a body is between two flanks, which it meets without a rebound.
+
+    Args:
+        pull: its acceleration while no flank holds it, in widths per squared sample, shape
+            (samples,).
+        place: receives ±1/2 at the flanks and what is between, likewise.
+    """
+    at, speed = np.copysign(0.5, pull[0]), 0.0
+    for k in range(pull.size):
+        speed += pull[k]
+        at = min(max(at + speed, -0.5), 0.5)
+        if abs(at) == 0.5:
+            speed = 0.0
+        place[k] = at
 
 
 def with_torques(problem: Problem, j: int, made: Callable[[Recording], np.ndarray]) -> Problem:

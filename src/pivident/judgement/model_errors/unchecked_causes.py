@@ -28,6 +28,7 @@ from pivident.estimation.identification import Identification
 from pivident.foundation.distributions import student
 from pivident.foundation.text.display import Displayed
 from pivident.judgement.model_errors.cause import Cause
+from pivident.judgement.model_errors.motion_errors import PLAY
 from pivident.judgement.model_errors.score_tests import LEVEL, Score, ScoreTests
 
 #: Errors as they commonly are, by kind and unit: those of a drawing that is not that of the very
@@ -38,8 +39,7 @@ COMMON: Mapping[tuple[str, str], float] = {
     ("geometry", "°"): 0.1,
     ("zero position", "mm"): 1.0,
     ("zero position", "°"): 0.1,
-    ("backlash", "mm"): 0.05,
-    ("backlash", "mrad"): 0.5,
+    **{("backlash", unit): size for unit, size in PLAY.items()},
     ("delay", "ms"): 1.0,
     ("gear ratio", "%"): 1.0,
     ("torque gain", "%"): 1.0,
