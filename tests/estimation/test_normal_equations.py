@@ -102,3 +102,16 @@ def test_parameters_that_only_a_joint_without_weight_separates_are_named():
     )
     with pytest.raises(RankDeficientRegressor, match=r"1 of 2 .* not separable: ia2, ia1"):
         solve([both, alone], np.array([1.0, 1e30]), ["ia1", "ia2"])
+
+
+@pytest.mark.parametrize("apart", [1e-4, 1e-5, 3e-6])
+def test_a_joints_own_variance_stands_columns_that_are_nearly_alike(apart):
+    """A precise record of a joint that two others couple with: nothing of its noise is rounding."""
+    rng = np.random.default_rng(3)
+    phi = rng.normal(size=(12, 2000))
+    phi[6:] = phi[:6] + apart * phi[6:]
+    tau = rng.normal(size=12) @ phi + 1e-4 * rng.normal(size=2000)
+    joint = JointSums.empty("a", np.arange(12))
+    joint.add(phi, phi, tau, None)
+    left = tau - np.linalg.lstsq(phi.T, tau, rcond=None)[0] @ phi
+    assert joint.own_variance() == pytest.approx(left @ left / (2000 - 12), rel=0.02)

@@ -234,10 +234,11 @@ class JointSums:
     def own_variance(self) -> float:
         """Residual variance of the joint's own least squares, with its degrees of freedom."""
         scale = _scales(self.ff)
-        solution = np.linalg.pinv(self.ff / np.outer(scale, scale), rcond=1e-12, hermitian=True) @ (
-            self.ft / scale
-        )
-        return self._variance(self.tt - float(self.ft / scale @ solution))
+        values, vectors = np.linalg.eigh(self.ff / np.outer(scale, scale))
+        some = values > 1e-12 * values[-1]
+        # direction by direction: an inverse first rounds what nearly dependent columns explain
+        explained = (vectors[:, some].T @ (self.ft / scale)) ** 2 / values[some]
+        return self._variance(self.tt - float(explained.sum()))
 
     def variance(self, theta: np.ndarray) -> float:
         """λ: residual variance for all parameters ``theta``, with its degrees of freedom."""
