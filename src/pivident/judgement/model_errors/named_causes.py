@@ -303,9 +303,37 @@ def named_causes(problem: Problem, found: Identification) -> ModelErrors:
         if jumps:  # the next instants to them are near enough to find a cause, not to measure it
             near = Instants.of(kinematics).near(sorted(jumps))
             sets[1] = list(time_causes(problem.robot, near))
-            tests = _tests(rows.with_causes(list(chain(*sets))), sets)
-            named = _one_by_one(tests, found)
+            if _jumps_between(rows, list(named.values()), sets):
+                tests = _tests(rows.with_causes(list(chain(*sets))), sets)
+                named = _one_by_one(tests, found)
         return _model_errors(tests, named, found)
+
+
+def _jumps_between(
+    rows: CauseRows, named: Sequence[NamedCause], sets: Sequence[Sequence[Cause]]
+) -> bool:
+    """Whether a jump explains more at an instant near to that at which it was found.
+
+    ``sets``: causes, those with the instants that are nearer second.
+    """
+    if any(other.instant is not None for one in named for other in one.alternatives):
+        return True
+    found = [one.cause for one in named]
+    kinds = {(cause.kind, cause.subject) for cause in found if cause.instant is not None}
+    near = [c for c in sets[1] if (c.kind, c.subject) in kinds and c.instant is not None]
+    tests = _tests(rows.with_causes([*found, *near]), sets)
+    for k, cause in enumerate(found):
+        if cause.instant is not None:
+            what = cause.kind, cause.subject
+            _, scores = tests.all_scores(range(k))
+            own = {
+                n: score
+                for n, score in scores.items()
+                if n >= len(found) and (score.cause.kind, score.cause.subject) == what
+            }
+            if scores[_first_of_best(own)].cause.instant != cause.instant:
+                return True
+    return False
 
 
 def is_found(score: Score, tried: int) -> bool:
