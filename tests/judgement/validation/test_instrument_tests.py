@@ -189,7 +189,7 @@ class TestOnAnIdentification:
         assert tests.overidentification.further == "reference"
         assert tests.overidentification.directions > 20
         assert not tests.overidentification.rejects
-        assert tests.exogeneity.z_values.shape == (28,)
+        assert tests.exogeneity.difference.shape == (28,)
         words = str(tests)
         assert "Relevance" in words and "Hausman" in words and "Φ(q_ref)" in words
         assert instrument_tests(found, "delayed").overidentification.further == "delayed"

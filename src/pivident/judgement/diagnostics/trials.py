@@ -352,11 +352,19 @@ def consequences(log: Sequence[Finding], trials: Iterable[Trial]) -> tuple[Findi
         effects = {trial.outcome: f"repaired, {trial.effect}" for trial in own}
         same = effects.get("same") or (effects.get("worse") if own and not own[0].repair else None)
         if "unclear" in effects:
-            text = f"{finding.message} On trial {effects['unclear']}, on one or two blocks only."
-            finding = replace(finding, message=text)
+            finding = replace(
+                finding,
+                message=f"{finding.message} On trial {effects['unclear']}, on one or two blocks "
+                "only.",
+            )
         elif same and (finding.repairs or own[0].repair is None):
-            text = f"{finding.message} Of no consequence: {same}."
-            finding = replace(finding, severity="note", message=text, next_step="", repairs=())
+            finding = replace(
+                finding,
+                severity="note",
+                message=f"{finding.message} Of no consequence: {same}.",
+                next_step="",
+                repairs=(),
+            )
         left.append(
             replace(finding, severity="warning") if finding.severity == "error" else finding
         )

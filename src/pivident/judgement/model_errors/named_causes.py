@@ -319,20 +319,16 @@ def _jumps_between(
     if any(other.instant is not None for one in named for other in one.alternatives):
         return True
     found = [one.cause for one in named]
-    kinds = {(cause.kind, cause.subject) for cause in found if cause.instant is not None}
-    near = [c for c in sets[1] if (c.kind, c.subject) in kinds and c.instant is not None]
+    jumps = [k for k, cause in enumerate(found) if cause.instant is not None]
+    kinds = [(found[k].kind, found[k].subject) for k in jumps]
+    near = [c for c in sets[1] if c.instant is not None and (c.kind, c.subject) in kinds]
     tests = _tests(rows.with_causes([*found, *near]), sets)
-    for k, cause in enumerate(found):
-        if cause.instant is not None:
-            what = cause.kind, cause.subject
-            _, scores = tests.all_scores(range(k))
-            own = {
-                n: score
-                for n, score in scores.items()
-                if n >= len(found) and (score.cause.kind, score.cause.subject) == what
-            }
-            if scores[_first_of_best(own)].cause.instant != cause.instant:
-                return True
+    for k, what in zip(jumps, kinds, strict=True):
+        _, scores = tests.all_scores(range(k))
+        own = [n for n, s in scores.items() if (s.cause.kind, s.cause.subject) == what]
+        best = _first_of_best({n: scores[n] for n in own if n >= len(found)})
+        if scores[best].cause.instant != found[k].instant:
+            return True
     return False
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,8 +85,7 @@ def decimation_figure(signals: Decimated, rate: float, method: int) -> Figure:
     nyquist = 0.5 * rate / total
     frequency = _frequencies(0.05 * nyquist, rate)
     gain = decimation_gain(frequency, rate, stages)
-    plot = empty_plot("gain [dB]")
-    _log_frequency(plot)
+    plot = _over_frequency("gain [dB]")
     _gain(plot, frequency, gain, "decimation", {"color": colour(method), "width": 1.8})
     _mark(plot, nyquist, f"new Nyquist {format_significant(nyquist)} Hz")
     plot.y_axis(range=[FLOOR, 10])
@@ -112,16 +111,14 @@ def smoother_figure(
     """
     known = [(name, f) for name, f in zip(names, f50, strict=True) if 0 < f <= 0.5 * rate]
     frequency = _frequencies(0.02 * min(f for _, f in known), rate)
-    plot = empty_plot("gain [dB]")
-    _log_frequency(plot)
-    several = len(known) > 1
-    for k, (name, f) in enumerate(known):
-        gain = smoother_gain(2 * np.pi * frequency / rate, nvr_from_f50(f, order, rate), order)
-        line = _joint_line(k) if several else {"color": colour(method), "width": 1.8}
-        _gain(plot, frequency, gain, f"{name}, f₅₀ {format_significant(f)} Hz", line)
-    plot.horizontal(20 * np.log10(0.5), {"color": ERROR, "width": 1, "dash": "dash"})
-    plot.y_axis(range=[-80, 5])
-    plot.update(showlegend=True, legend=LEGEND)
+    w = 2 * np.pi * frequency / rate
+    curves = {
+        f"{name}, f₅₀ {format_significant(f)} Hz": smoother_gain(
+            w, nvr_from_f50(f, order, rate), order
+        )
+        for name, f in known
+    }
+    plot = _low_passes(frequency, curves, method)
     half = ", ".join(f"{name} {format_significant(f)} Hz" for name, f in known)
     note = (
         f"integrated random walk of order {order}, no phase; dashed: one half (-6 dB), reached at "
@@ -131,19 +128,29 @@ def smoother_figure(
     return Figure(plot, 340, "Smoother of the positions", label, note)
 
 
+def _low_passes(frequency: np.ndarray, curves: Mapping[str, np.ndarray], method: int) -> Plot:
+    """Gain of each joint's low-pass by its title, with one half as a line."""
+    plot = _over_frequency("gain [dB]")
+    for k, (title, gain) in enumerate(curves.items()):
+        line = _joint_line(k) if len(curves) > 1 else {"color": colour(method), "width": 1.8}
+        _gain(plot, frequency, gain, title, line)
+    plot.horizontal(20 * np.log10(0.5), {"color": ERROR, "width": 1, "dash": "dash"})
+    plot.y_axis(range=[-80, 5])
+    plot.update(showlegend=True, legend=LEGEND)
+    return plot
+
+
 def window_figure(signals: Algebraic, names: Sequence[str], rate: float, method: int) -> Figure:
     """Gain of each joint's window, which position, derivatives and torque share; rate in Hz."""
     windows, cutoffs = signals.windows(len(names)), signals.cutoffs(len(names))
     frequency = _frequencies(0.02 * float(cutoffs.min()), rate)
-    plot = empty_plot("gain [dB]")
-    _log_frequency(plot)
-    for k, (name, window, cutoff) in enumerate(zip(names, windows, cutoffs, strict=True)):
-        gain = np.abs(algebraic_gain(frequency, float(window), signals.degree, signals.exponent))
-        line = _joint_line(k) if len(names) > 1 else {"color": colour(method), "width": 1.8}
-        _gain(plot, frequency, gain, f"{name}, {format_significant(cutoff)} Hz", line)
-    plot.horizontal(20 * np.log10(0.5), {"color": ERROR, "width": 1, "dash": "dash"})
-    plot.y_axis(range=[-80, 5])
-    plot.update(showlegend=True, legend=LEGEND)
+    curves = {
+        f"{name}, {format_significant(cutoff)} Hz": np.abs(
+            algebraic_gain(frequency, float(window), signals.degree, signals.exponent)
+        )
+        for name, window, cutoff in zip(names, windows, cutoffs, strict=True)
+    }
+    plot = _low_passes(frequency, curves, method)
     lengths = [f"{format_significant(1e3 * t)} ms" for t in windows]
     listed = ", ".join(f"{name} {own}" for name, own in zip(names, lengths, strict=True))
     note = (
@@ -264,8 +271,7 @@ def _bode(gain_title: str) -> Plot:
 
 
 def _stacked(upper: str, lower: str) -> Plot:
-    plot = empty_plot(upper)
-    _log_frequency(plot)
+    plot = _over_frequency(upper)
     plot.x_axis(anchor="y2")
     plot.update(
         yaxis={"domain": [0.46, 1.0], "zeroline": False},
@@ -276,8 +282,10 @@ def _stacked(upper: str, lower: str) -> Plot:
     return plot
 
 
-def _log_frequency(plot: Plot) -> None:
+def _over_frequency(title: str) -> Plot:
+    plot = empty_plot(title)
     plot.x_axis("frequency [Hz]", type="log")
+    return plot
 
 
 def _gain(

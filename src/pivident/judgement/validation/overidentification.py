@@ -88,12 +88,6 @@ class DurbinWuHausmanTest(ShiftTest):
     shift: np.ndarray
     relative: np.ndarray  # the difference relative to the IV estimate, shape (parameters,)
 
-    @property
-    def z_values(self) -> np.ndarray:
-        """By how many of its own standard errors each parameter differs, shape (parameters,)."""
-        std = np.maximum(self.difference_std, 1e-300)
-        return np.where(self.difference == 0.0, 0.0, self.difference / std)
-
     def __str__(self) -> str:
         k = int(np.argmax(np.abs(self.shift)))
         verdict = (
