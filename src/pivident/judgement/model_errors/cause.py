@@ -41,11 +41,12 @@ PASSED = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Travel and largest speeds of the joints in all records, each of shape (joints,)."""
+    """Travel, largest speeds and torques of the joints in all records, each of shape (joints,)."""
 
     low: np.ndarray  # least positions [rad or m]
     high: np.ndarray  # largest positions
     fastest: np.ndarray  # largest speeds [rad/s or m/s]
+    strongest: np.ndarray  # largest torques [N m or N]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +84,7 @@ class RecordMotion:
     @cached_property
     def load(self) -> np.ndarray:
         """Torque of inertia, gravity and springs alone: what the joints carry, likewise."""
-        carried = [p.carries_load for p in self.regressor.parameters]
-        theta = np.where(carried, self.theta, 0.0)
+        theta = np.where([p.carries_load for p in self.regressor.parameters], self.theta, 0.0)
         return self.regressor.torque(self.q.T, self.dq.T, self.ddq.T, theta).T
 
     @cached_property

@@ -329,7 +329,7 @@ def _sine(name: str, j: int, order: float, words: str) -> Cause:
 
 def _behind_motor(
     name: str, j: int, kind: str, what: str, unit: str, error: Callable[[RecordMotion], np.ndarray],
-    scale: float,
+    scale: float, least_torque: float = 0.0,
 ) -> Cause:  # fmt: skip
     """An error of the link's position that follows from the torque it carries."""
 
@@ -340,8 +340,18 @@ def _behind_motor(
         largest = max(float(np.abs(delta).max()), 1e-300)
         return scale * motion.along(j, change, STEP / largest, transmitted=True)[None]
 
-    largest = LARGEST.get(unit, np.inf)
-    return Cause(kind, name, what, unit, columns, largest=largest, is_positive=True, is_rough=True)
+    return Cause(
+        kind,
+        name,
+        what,
+        unit,
+        columns,
+        largest=LARGEST.get(unit, np.inf),
+        is_positive=True,
+        is_rough=True,
+        least_torque=least_torque,
+        by_effect=True,
+    )
 
 
 def _within_band(signal: np.ndarray, motion: RecordMotion) -> np.ndarray:
@@ -365,7 +375,9 @@ def _play(name: str, j: int, turns: bool) -> Cause:
         find_places_in_play(pull / (MILLI * PLAY[unit] * motion.rate**2), place)
         return place
 
-    return _behind_motor(name, j, "backlash", "play behind the motor", unit, error, MILLI)
+    return _behind_motor(
+        name, j, "backlash", "play behind the motor", unit, error, MILLI, NEGLIGIBLE
+    )
 
 
 @kernel

@@ -456,10 +456,11 @@ def _named(
 
 
 def reach_of(kinematics: Sequence[Kinematics]) -> Reach:
-    """Travel and largest speeds of all records."""
+    """Travel, largest speeds and torques of all records."""
     spans = [(k, slice(k.start, k.stop)) for k in kinematics]
     return Reach(
         np.min([k.q[:, span].min(axis=1) for k, span in spans], axis=0),
         np.max([k.q[:, span].max(axis=1) for k, span in spans], axis=0),
         np.max([np.abs(k.dq[:, span]).max(axis=1) for k, span in spans], axis=0),
+        np.max([np.abs(k.tau[:, span]).max(axis=1) for k, span in spans], axis=0),
     )

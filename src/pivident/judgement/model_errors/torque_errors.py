@@ -213,9 +213,10 @@ def friction_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
         unit = joint.torque_unit
         slope = max(joint.friction.slopes, default=joint.default_gamma)
         for what, shapes in _shapes(reach, j, slope, _columns_of(joint)).items():
-            yield _cause("friction", joint.name, what, unit, j, slope, shapes)
+            strongest = float(reach.strongest[j])  # a larger amplitude is none that friction has
+            yield _cause("friction", joint.name, what, unit, j, slope, shapes, strongest)
         warming, unit = _warming(float(reach.fastest[j])), f"{unit}/min"
-        yield _cause("warming up", joint.name, "friction by time", unit, j, slope, warming)
+        yield _cause("warming up", joint.name, "friction by time", unit, j, slope, warming, np.inf)
 
 
 def _columns_of(joint: Joint) -> set[str]:
@@ -273,13 +274,14 @@ def _warming(fastest: float) -> list[Shape]:
 
 
 def _cause(
-    kind: str, name: str, what: str, unit: str, joint: int, slope: float, shapes: list[Shape]
-) -> Cause:
+    kind: str, name: str, what: str, unit: str, joint: int, slope: float, shapes: list[Shape],
+    largest: float,
+) -> Cause:  # fmt: skip
     def columns(motion: RecordMotion) -> np.ndarray:
         sign = _sign(slope, motion.dq[joint])
         return on_joint(joint, [shape(motion, joint, sign) for shape in shapes], motion)
 
-    return Cause(kind, name, what, unit, columns, len(shapes))
+    return Cause(kind, name, what, unit, columns, len(shapes), largest=largest)
 
 
 def _sign(slope: float, speed: np.ndarray) -> np.ndarray:
