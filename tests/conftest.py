@@ -1,5 +1,6 @@
 """Folders of records and reference values, for tests marked ``record``; how tests are run."""
 
+import contextlib
 import copy
 import gc
 import os
@@ -49,30 +50,35 @@ def pytest_collection():
 
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config):
-    """While workers collect, a process beside them begins with the kernels that most tests need."""
-    if os.name != "nt" and getattr(config.option, "dist", "no") != "no":
+    """While workers collect, a process beside them begins with the kernels that most tests need.
+
+    Workers that need the same kernel wait for the first of them that compiles it, those included
+    that are called where a module of tests is imported.
+    """
+    if os.name == "nt":
+        return
+    folder = config._tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        from tests.compiled_once import compiled_once
+
+        locked = contextlib.ExitStack()
+        locked.enter_context(compiled_once(folder.parent / "kernels"))
+        config.add_cleanup(locked.close)
+    elif getattr(config.option, "dist", "no") != "no":
         from tests.compiled_once import compiling_beside
 
-        folder = config._tmp_path_factory.getbasetemp() / "kernels"
-        config.add_cleanup(compiling_beside(folder))
+        config.add_cleanup(compiling_beside(folder / "kernels"))
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _kernels_are_compiled_once(tmp_path_factory):
-    """Workers that need the same kernel wait for the first of them that compiles it.
-
-    What a command would compile beside itself is compiled already, or by a worker.
-    """
+def _nothing_is_compiled_beside():
+    """What a command would compile beside itself is compiled already, or by a worker."""
     if "PYTEST_XDIST_WORKER" not in os.environ or os.name == "nt":
         yield
         return
     from pivident.app.cli import compile_ahead
-    from tests.compiled_once import compiled_once
 
-    with (
-        compiled_once(tmp_path_factory.getbasetemp().parent / "kernels"),
-        pytest.MonkeyPatch.context() as patch,
-    ):
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compile_ahead, "is_compiled", lambda kernel: True)
         yield
 
