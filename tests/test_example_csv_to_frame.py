@@ -1,7 +1,5 @@
 """The example from a CSV file to a frame: its numbers are the true ones, and those of the API."""
 
-import subprocess
-import sys
 from importlib import import_module
 
 import numpy as np
@@ -51,10 +49,3 @@ def test_the_example_is_short_and_indexed(name):
     text = (EXAMPLES / f"{name}.py").read_text("utf-8")
     assert len(text.splitlines()) <= MOST_LINES
     assert f"python/{name}.py" in (REPOSITORY / "examples" / "README.md").read_text("utf-8")
-
-
-def test_the_examples_are_typed():
-    own = [str(EXAMPLES / f"{name}.py") for name in ("csv_to_frame", "monte_carlo", "own_axes")]
-    strict = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", *own]
-    done = subprocess.run(strict, cwd=REPOSITORY, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
