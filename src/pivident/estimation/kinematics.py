@@ -220,7 +220,8 @@ def _cutoffs(signals: Bandpass | Algebraic, recording: Recording) -> np.ndarray:
         band = np.where(counted, np.minimum(band, Algebraic().band(rate)), band)
     highest = np.minimum(ABOVE_BAND * band, SHARE_OF_RATE * rate)
     lowest = np.minimum(np.maximum(MIN_PERIODS / recording.duration, 0.05 * highest), highest)
-    return np.clip(ABOVE_HALF_POWER * half_power_frequencies(recording.q, rate), lowest, highest)
+    found = once(("half power", recording), lambda: half_power_frequencies(recording.q, rate))
+    return np.clip(ABOVE_HALF_POWER * found, lowest, highest)
 
 
 def _random_walk(

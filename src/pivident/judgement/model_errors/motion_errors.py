@@ -369,8 +369,9 @@ def _play(name: str, j: int, turns: bool) -> Cause:
     unit = "mrad" if turns else "mm"
 
     def error(motion: RecordMotion) -> np.ndarray:
-        mass = np.maximum(motion.transmitted_by_acceleration(j), 1e-300)
-        pull = _within_band(motion.transmitted[j], motion) / mass
+        pull = _within_band(motion.transmitted[j], motion) / np.maximum(
+            motion.transmitted_by_acceleration(j), 1e-300
+        )
         place = np.empty(pull.size)
         find_places_in_play(pull / (MILLI * PLAY[unit] * motion.rate**2), place)
         return place
