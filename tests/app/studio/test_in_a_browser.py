@@ -233,7 +233,7 @@ def test_what_has_the_focus_is_brought_up_to_date(tmp_path, studio, browsing):
         page.goto(f"{studio.base}/p/focus")
         page.locator("#bring").focus()
         page.locator("#bring").set_input_files(tmp_path / "log.csv")
-        page.locator("#files .busy").wait_for()
+        page.locator("#files").get_by_text("log.csv").first.wait_for(timeout=60_000)
         page.locator("#files .busy").wait_for(state="detached", timeout=60_000)
         assert page.evaluate("document.activeElement.id") == "bring"
         ready(page)
