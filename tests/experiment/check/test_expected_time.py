@@ -23,11 +23,11 @@ THREE = ("ls", "iv-full-rate", "piv")
 #: Samples, joints, parameters, methods, whether there is a loop, whether its law is to be found,
 #: and seconds measured by benchmarks/expected_time.py.
 MEASURED = {
-    "planar": (2000, 2, 13, THREE, False, False, 2.7),
-    "UR10": (3441, 6, 58, THREE, False, False, 4.2),
-    "EMPS": (24841, 1, 4, FOUR, True, False, 3.1),
-    "KR300": (3200, 3, 21, FOUR, True, True, 3.3),
-    "TX40": (37250, 6, 34, FOUR, True, False, 6.0),
+    "planar": (2000, 2, 13, THREE, False, False, 1.6),
+    "UR10": (3441, 6, 58, THREE, False, False, 3.5),
+    "EMPS": (24841, 1, 4, FOUR, True, False, 2.6),
+    "KR300": (3200, 3, 21, FOUR, True, True, 3.9),
+    "TX40": (37250, 6, 34, FOUR, True, False, 6.8),
     "seven": (20000, 8, 78, THREE, False, False, 8.8),
 }
 

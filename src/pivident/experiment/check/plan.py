@@ -18,12 +18,12 @@ caches filled (`benchmarks/expected_time.py`); elsewhere the beginning of a run 
 
 | problem | samples, joints, parameters | measured [s] | T [s] |
 |---|---|---|---|
-| simulated planar arm, 1 kHz, three methods | 2000 × 2, 13 | 2.7 | 2.7 |
-| UR10, 125 Hz, three methods | 3441 × 6, 58 | 4.2 | 4.7 |
-| EMPS, 1 kHz, four methods | 24,841 × 1, 4 | 3.1 | 3.0 |
-| KR300, three axes, four methods, law to be found | 3200 × 3, 21 | 3.3 | 3.2 |
-| TX40, 5 kHz, four methods | 37,250 × 6, 34 | 6.0 | 7.1 |
-| simulated seven axes and a finger, 1 kHz, three methods | 20,000 × 8, 78 | 8.8 | 9.9 |
+| simulated planar arm, 1 kHz, three methods | 2000 × 2, 13 | 1.6 | 2.1 |
+| UR10, 125 Hz, three methods | 3441 × 6, 58 | 3.5 | 4.1 |
+| EMPS, 1 kHz, four methods | 24,841 × 1, 4 | 2.6 | 2.4 |
+| KR300, three axes, four methods, law to be found | 3200 × 3, 21 | 3.9 | 3.3 |
+| TX40, 5 kHz, four methods | 37,250 × 6, 34 | 6.8 | 6.8 |
+| simulated seven axes and a finger, 1 kHz, three methods | 20,000 × 8, 78 | 8.8 | 9.5 |
 """
 
 from __future__ import annotations
@@ -148,8 +148,8 @@ def plan_of(
 LIBRARIES = 0.56
 
 #: T₀ with k n J: libraries and robot, what is read for each sample and joint; and what comes before
-#: and after that: the interpreter begins, a screen is printed, memory is given back [s].
-START, READING, FRAME = 0.75, 1.2e-6, 0.65
+#: and after that: the interpreter begins, a screen is printed [s].
+START, READING, FRAME = 0.75, 1.2e-6, 0.4
 
 #: g and h of a block that is predicted, and what its simulated loop adds [s].
 PREDICTION, REPLAY = (0.005, 4e-8), (0.008, 1e-7)
@@ -161,7 +161,7 @@ LAW = (0.5, 1.5e-5)
 TESTS = (0.02, 2e-8)
 
 #: r and d: the report, and its figures for each joint and method [s].
-REPORT = (0.55, 0.01)
+REPORT = (0.2, 0.01)
 
 #: Audit, causes of model error and trials of repairs: a, b for each parameter and square of the
 #: joints (each joint has causes of its own, which are tried on all rows), and e [s].
