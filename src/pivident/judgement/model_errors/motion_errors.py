@@ -4,8 +4,8 @@ An error δq(t) of one joint's position changes speeds and accelerations with it
 its derivative along all three. An encoder that turns with a share s of another joint reads
 q + s q_i for its position q. What the gear transmits to the link, τ_link, is its load without the
 rotor's inertia. Behind a spring of stiffness k the link is at q - τ_link/k, with play of width b at
-q - (b/2) sign(τ_link), and only what the link carries moves with it. From one flank to the other it
-is free, ẍ = -τ_link/M with M = ∂τ_link/∂ddq, which takes some ten milliseconds.
+q - (b/2) sign(τ_link), and only what the link carries moves with it. From one flank to the other,
+for some ten milliseconds, it is free: d²δq/dt² = -τ_link/M with M = ∂τ_link/∂ddq.
 
 Geometry that is off: lengths and angles between joints, and the way up.
 

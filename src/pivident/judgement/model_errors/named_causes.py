@@ -325,9 +325,12 @@ def _jumps_between(
     tests = _tests(rows.with_causes([*found, *near]), sets)
     for k, what in zip(jumps, kinds, strict=True):
         _, scores = tests.all_scores(range(k))
-        own = [n for n, s in scores.items() if (s.cause.kind, s.cause.subject) == what]
-        best = _first_of_best({n: scores[n] for n in own if n >= len(found)})
-        if scores[best].cause.instant != found[k].instant:
+        own = {
+            n: score
+            for n, score in scores.items()
+            if n >= len(found) and (score.cause.kind, score.cause.subject) == what
+        }
+        if not own or own[_first_of_best(own)].cause.instant != found[k].instant:
             return True
     return False
 

@@ -212,8 +212,8 @@ def friction_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
             continue
         unit = joint.torque_unit
         slope = max(joint.friction.slopes, default=joint.default_gamma)
+        strongest = float(reach.strongest[j])  # a larger amplitude is none that friction has
         for what, shapes in _shapes(reach, j, slope, _columns_of(joint)).items():
-            strongest = float(reach.strongest[j])  # a larger amplitude is none that friction has
             yield _cause("friction", joint.name, what, unit, j, slope, shapes, strongest)
         warming, unit = _warming(float(reach.fastest[j])), f"{unit}/min"
         yield _cause("warming up", joint.name, "friction by time", unit, j, slope, warming, np.inf)

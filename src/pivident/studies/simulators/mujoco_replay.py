@@ -135,9 +135,10 @@ def replay(
     whole, part = divmod(delay / model.opt.timestep, 1.0)
     periods, late = divmod(int(whole), steps)
     torques: list[np.ndarray] = []
+    kinds = mujoco.mjtWarning
     unstable = [
-        data.warning[int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{name}"))]
-        for name in ("QPOS", "QVEL", "QACC")
+        data.warning[int(kind)]
+        for kind in (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
     ]
     q = np.full_like(run.q, np.nan)
     for k in range(min(len(signals.q_ref), (len(q) - 1) * run.step + 1)):
