@@ -34,7 +34,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pivident.foundation.common_work import once
+from pivident.foundation.common_work import kept_numbers, once
 from pivident.foundation.errors import NonFiniteSamples, RecordingError
 from pivident.foundation.scratch import working_array
 from pivident.foundation.text.display import Displayed
@@ -298,10 +298,14 @@ def half_power_frequencies(q: np.ndarray, rate: float) -> np.ndarray:
 
 def _half_power_frequency(y: np.ndarray, rate: float) -> float:
     """The same of one channel, all of whose samples are looked at."""
-    nvr = nvr_of_counts(y, rate, HALF_POWER_ORDER)
-    if nvr is None:
-        nvr = estimate_nvr(y - y.mean(), rate, HALF_POWER_ORDER).nvr
-    return f50_from_nvr(nvr, HALF_POWER_ORDER, rate)
+
+    def search() -> np.ndarray:
+        nvr = nvr_of_counts(y, rate, HALF_POWER_ORDER)
+        if nvr is None:
+            nvr = estimate_nvr(y - y.mean(), rate, HALF_POWER_ORDER).nvr
+        return np.array(f50_from_nvr(nvr, HALF_POWER_ORDER, rate))
+
+    return float(kept_numbers(("half-power frequency", y, rate), (), search))
 
 
 def _longest_path(y: np.ndarray) -> np.ndarray:

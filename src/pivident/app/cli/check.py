@@ -40,10 +40,11 @@ def check(
     from pivident.app.cli.remaining import pace
     from pivident.experiment.check.experiment_check import check_experiment
     from pivident.experiment.check.plan import LIBRARIES
+    from pivident.foundation.common_work import numbers_beside
 
     taken = time.perf_counter() - BEGUN
     compile_in_first_run()
-    with Progress() as progress:
+    with Progress() as progress, numbers_beside(experiment):
         found = check_experiment(experiment, robot, progress.say)
     if as_json:
         print(json.dumps(found.as_json(), ensure_ascii=False, allow_nan=False, indent=1))

@@ -112,13 +112,14 @@ def run_init(
     """
     from pivident.app.cli.compile_ahead import compile_in_first_run
     from pivident.experiment.init.draft import draft_experiment
+    from pivident.foundation.common_work import numbers_beside
     from pivident.foundation.files import write_file
 
     check_target(out, logs, robot, force)
     compile_in_first_run()
     answers: Answers = {}
     while True:
-        with Progress() as progress:
+        with Progress() as progress, numbers_beside(out):
             draft = draft_experiment(
                 logs,
                 robot,

@@ -41,7 +41,7 @@ from pivident.experiment.check.plan import (
     time_before,
 )
 from pivident.experiment.experiment import load_experiment
-from pivident.foundation.common_work import shared_work
+from pivident.foundation.common_work import numbers_beside, shared_work
 from pivident.foundation.errors import Attempts, PividentError
 from pivident.foundation.files import atomic_folder, check_output
 from pivident.foundation.threads import linear_algebra_in_one_thread
@@ -126,7 +126,7 @@ def run_experiment(
     judges them. Without names, the methods are those of the file, and so are the kinds of causes
     that are corrected with the estimate.
     """
-    with Progress() as progress:
+    with Progress() as progress, numbers_beside(path):
         attempts = Attempts(progress.keep)
         experiment, hashed = load_experiment(path), sha256(path)
         methods = experiment.methods(free_methods(names))

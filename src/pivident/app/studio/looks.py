@@ -31,6 +31,7 @@ from pivident.app.studio.projects import EXPERIMENT, HIDDEN
 from pivident.app.studio.tasks import Tasks
 from pivident.experiment.check.experiment_check import ExperimentCheck, check_experiment
 from pivident.experiment.recording_tables import DESIGN_FILE
+from pivident.foundation.common_work import numbers_beside
 from pivident.foundation.errors import PividentError
 from pivident.foundation.extras import is_installed
 from pivident.foundation.files import BUILD, atomic_folder
@@ -91,7 +92,8 @@ def is_complete(folder: Path, stage: str) -> bool:
 def _write_findings(experiment: Path, folder: Path, say: Callable[[str], None]) -> None:
     """What the check has found, and the audit with its page."""
     try:
-        found = check_experiment(experiment, progress=say)
+        with numbers_beside(experiment):
+            found = check_experiment(experiment, progress=say)
     except PividentError as error:
         write_json(folder / CHECK, {"error": " ".join(str(error).split()), "remarks": []})
         write_json(folder / AUDIT, {"error": " ".join(str(error).split()), "audits": []})

@@ -69,6 +69,15 @@ def existing_file(path: str | PathLike[str]) -> Path:
     return path
 
 
+def state_of(path: Path) -> tuple[int, int, int]:
+    """What changes when a file is written again."""
+    try:
+        about = regular_file(path).stat()
+    except OSError as error:
+        raise FileFormatError(f"{path.name} cannot be opened ({error.strerror})") from error
+    return about.st_ino, about.st_size, about.st_mtime_ns
+
+
 def bag_files(folder: Path) -> list[Path]:
     """The files of a ROS 2 bag that hold its messages, in the order of their numbers."""
     try:

@@ -21,6 +21,7 @@ import numpy as np
 from pivident.data.logs.log import Log
 from pivident.data.logs.nominal_rate import usual_near
 from pivident.data.recording.checks import TIMING_WORDS
+from pivident.foundation.common_work import kept_numbers
 from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Severity, Topic
 from pivident.foundation.text.numbers import with_spread
 from pivident.foundation.text.repair import Repair, setting
@@ -212,17 +213,14 @@ def _contradicts(found: Delay, other: Delay, joint: int) -> bool:
 def _estimated(log: Log, model: InverseModel, blunt: float = BLUNT) -> Delay:
     """The same on the rows of a model, without standard errors above ``blunt`` [s]."""
     reach = min(max(MAX_SHIFT, MIN_SHIFT_SAMPLES / model.rate), model.at[0] / model.rate)
-    shifts = np.linspace(-reach, reach, 81)
-    torques = np.stack([model.tau(s) for s in shifts], axis=-1)
-    joints = model.robot.size
-    errors = np.array([model.relative_error(j, torques[:, j]) for j in range(joints)]).T
-    estimates, gains = np.full(joints, np.nan), np.zeros(joints)
-    replicates = np.full((BLOCKS, joints), np.nan)
-    for j in range(joints):
-        if model.usable(j) and np.isfinite(errors[:, j]).all():
-            found = _joint_delay(model, j, float(shifts[np.argmin(errors[:, j])]), reach)
-            if found is not None:
-                estimates[j], replicates[: len(found[1]), j], gains[j] = found
+    shifts, joints = np.linspace(-reach, reach, 81), model.robot.size
+    rows = model.at, model.shift, model.rate, model.moving, model.block, *model.columns
+    made = kept_numbers(
+        ("delay", *rows, model.torque.x, model.torque.c, shifts),
+        (len(shifts) + 2 + BLOCKS, joints),
+        lambda: _searched(model, shifts),
+    )
+    errors, (estimates, gains), replicates = np.split(made, [len(shifts), len(shifts) + 2])
     standard_errors = np.array(
         [jackknife(x[np.isfinite(x)]) if np.isfinite(x).sum() > 2 else np.nan for x in replicates.T]
     )
@@ -230,11 +228,26 @@ def _estimated(log: Log, model: InverseModel, blunt: float = BLUNT) -> Delay:
     sharp = known & (standard_errors < blunt)
     if sharp.sum() == 1:  # one joint does not speak for all: the others are heard as well
         sharp = known & (standard_errors < ALONE * blunt)
-    estimates[~sharp] = np.nan
+    estimates = np.where(sharp, estimates, np.nan)
     effects = model.relative_errors * np.sqrt(np.clip(gains, 0.0, 1.0))
     common = _common(estimates, standard_errors, replicates)
-    made = Delay((), shifts, errors, estimates, standard_errors, common, gains, effects)
-    return replace(made, findings=tuple(_findings(log, model, made)))
+    delay = Delay((), shifts, errors, estimates, standard_errors, common, gains, effects)
+    return replace(delay, findings=tuple(_findings(log, model, delay)))
+
+
+def _searched(model: InverseModel, shifts: np.ndarray) -> np.ndarray:
+    """Of each joint the errors at the shifts, its delay, the gain and the delay's replicates."""
+    torques = np.stack([model.tau(s) for s in shifts], axis=-1)
+    joints = model.robot.size
+    errors = np.array([model.relative_error(j, torques[:, j]) for j in range(joints)]).T
+    estimates, gains = np.full(joints, np.nan), np.zeros(joints)
+    replicates = np.full((BLOCKS, joints), np.nan)
+    for j in range(joints):
+        if model.usable(j) and np.isfinite(errors[:, j]).all():
+            found = _joint_delay(model, j, float(shifts[np.argmin(errors[:, j])]), shifts[-1])
+            if found is not None:
+                estimates[j], replicates[: len(found[1]), j], gains[j] = found
+    return np.vstack([errors, estimates, gains, replicates])
 
 
 def _joint_delay(

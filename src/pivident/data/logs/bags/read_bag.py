@@ -35,9 +35,8 @@ from pivident.data.logs.bags.bag_containers import (
 from pivident.data.logs.bags.decompression import unpack_file
 from pivident.data.logs.bags.joint_topics import TopicReader, TopicTable, WorkBudget
 from pivident.data.logs.reader import Reader
-from pivident.data.logs.source_files import bag_files, existing_file
+from pivident.data.logs.source_files import bag_files, existing_file, state_of
 from pivident.foundation.errors import FileFormatError
-from pivident.foundation.files import regular_file
 from pivident.foundation.text.identifiers import escaped
 
 #: What reads which kind of file.
@@ -117,16 +116,7 @@ def open_bag(path: str | Path) -> Bag:
     """A bag read as a whole. The last one is kept, since names are asked for before columns."""
     path = Path(path)
     files = tuple(bag_files(path)) if path.is_dir() else (existing_file(path),)
-    return _opened(path, tuple((file, *_state(file)) for file in files))
-
-
-def _state(file: Path) -> tuple[int, int, int]:
-    """What changes when a file is written again."""
-    try:
-        about = regular_file(file).stat()
-    except OSError as error:
-        raise FileFormatError(f"{file.name} cannot be opened ({error.strerror})") from error
-    return about.st_ino, about.st_size, about.st_mtime_ns
+    return _opened(path, tuple((file, *state_of(file)) for file in files))
 
 
 @lru_cache(maxsize=1)

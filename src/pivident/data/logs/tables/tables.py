@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from itertools import islice
 from pathlib import Path
 
@@ -19,12 +19,14 @@ import numpy as np
 
 from pivident.data.logs.bags.read_bag import BAG, is_bag
 from pivident.data.logs.reader import Reader
-from pivident.data.logs.source_files import existing_file
+from pivident.data.logs.source_files import existing_file, state_of
 from pivident.foundation.errors import FileFormatError, RecordingError, UnknownColumn
 from pivident.foundation.registry import Registry
 from pivident.foundation.text.identifiers import is_printable
 from pivident.robot.naming import near_names, repeated
 
+#: Largest file whose columns are kept for the next reading [bytes].
+MAX_KEPT = 2**23
 #: Longest name of a column or an array, in characters.
 MAX_NAME = 500
 #: Endings of spreadsheets, which are not read.
@@ -91,6 +93,16 @@ def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str
     for name in names or ():
         if name not in readable:
             raise UnknownColumn(path.name, name, near_names(name, readable), readable)
+    if path.is_dir() or path.stat().st_size > MAX_KEPT:
+        return reader_of(path).read(path, names)
+    return dict(_kept(path, state_of(path), None if names is None else tuple(names)))
+
+
+@lru_cache(maxsize=4)
+def _kept(
+    path: Path, state: tuple[int, int, int], names: tuple[str, ...] | None
+) -> dict[str, np.ndarray]:
+    """Columns of a small file as it is now: forgiving and strict readings ask for the same."""
     return reader_of(path).read(path, names)
 
 
