@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pivident.foundation.document.table import Table
-
-if TYPE_CHECKING:
-    from pivident.studies.many.fleet.identify_fleet import Fleet
-    from pivident.studies.many.fleet.judgement import Judgement
-    from pivident.studies.many.study.summary import Summary
+from pivident.studies.many.fleet.identify_fleet import Fleet
+from pivident.studies.many.fleet.judgement import Judgement
+from pivident.studies.many.study.summary import Summary
 from pivident.studies.tables.many_results import of_frame
 
 

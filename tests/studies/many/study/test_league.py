@@ -2,6 +2,7 @@
 
 import math
 import re
+from pathlib import Path
 
 import pytest
 
@@ -58,13 +59,13 @@ def test_methods_hold_in_all_conditions_and_nothing_else_changes():
 def summaries():
     import polars as pl
 
-    from pivident.studies.many.study.run import row_schema
+    from pivident.studies.many.study.run import Store
 
     made = {}
     for condition in read_scenario(VARIED, "small").with_methods(["ls", "iv"]).conditions:
         task = Task.of(condition, None)
         rows = [row for run in range(3) for row in execute(task, run)]
-        frame = pl.DataFrame(rows, schema=row_schema())
+        frame = pl.DataFrame(rows, schema=Store(Path()).schema())
         made[condition.condition] = summarise(Bench(condition), frame)
     return made
 
@@ -91,9 +92,9 @@ def test_the_page_has_a_table_for_each_figure_and_its_best_value(summaries):
 def test_rows_of_an_older_program_have_no_simulations(summaries):
     import polars as pl
 
-    from pivident.studies.many.study.run import row_schema
+    from pivident.studies.many.study.run import Store
 
     scenario = small(identify={"methods": ["ls"]})
-    rows = pl.DataFrame(execute(Task.of(scenario, None), 0), schema=row_schema())
+    rows = pl.DataFrame(execute(Task.of(scenario, None), 0), schema=Store(Path()).schema())
     old = summarise(Bench(scenario), rows.drop("simulations"))
     assert math.isnan(old.methods["ls"].simulations)

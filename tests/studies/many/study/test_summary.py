@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -11,7 +12,7 @@ from statsmodels.stats.proportion import proportion_confint
 from pivident.studies.many.study.account import render_page
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.many.study.bound import efficiency_bounds
-from pivident.studies.many.study.run import row_schema
+from pivident.studies.many.study.run import Store
 from pivident.studies.many.study.summary import (
     NOMINAL_COVERAGE,
     clustered_interval,
@@ -61,7 +62,7 @@ def rows(bench):
                     "d_beta": 3.0,
                 }
             )
-    return pl.DataFrame(made, schema=row_schema())
+    return pl.DataFrame(made, schema=Store(Path()).schema())
 
 
 @pytest.fixture(scope="module")

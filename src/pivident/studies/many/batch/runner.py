@@ -118,6 +118,12 @@ def pool_of(workers: int | None, executor: Executor | None) -> Pool:
     )
 
 
+def in_one_thread(work: Callable[[Any, Key], list[Row]], task: Any, key: Key) -> list[Row]:
+    """``work`` in a worker process with one thread: workers share the cores."""
+    os.environ["PIVIDENT_THREADS"] = "1"
+    return work(task, key)
+
+
 class Runner(Generic[Key]):
     """Computation of many tasks.
 

@@ -7,13 +7,13 @@ Results of a fleet on disk, one row per log and parameter; see `batch.results_fo
 
 from __future__ import annotations
 
-import os
 import pickle
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +28,7 @@ from pivident.foundation.text.display import Displayed
 from pivident.judgement.diagnostics.failed_simulation import explained_identify
 from pivident.studies.many.batch.batch_errors import OtherContents, ResultsFolderError
 from pivident.studies.many.batch.results_folder import ResultsFolder, Row, failure
-from pivident.studies.many.batch.runner import CHANGED, Pool, Runner, pool_of
+from pivident.studies.many.batch.runner import CHANGED, Pool, Runner, in_one_thread, pool_of
 from pivident.studies.many.fleet.logs import FleetLog, TimeAxis, find_logs
 from pivident.studies.many.fleet.template import FILE, Template, load_template
 
@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 
 #: Friction of a motor that also turns with a second joint.
 COUPLED_FRICTION = ("fvm", "fcm")
-#: The template that this process used last: robot and options are the same for all logs.
-_last_template: dict[str, Template] = {}
 
 
 @dataclass(frozen=True)
@@ -55,16 +53,14 @@ class Task:
         parts = (str(template.path), template.content, template.experiment.robot)
         return cls(template.hash, pickle.dumps(parts))
 
-    @property
-    def template(self) -> Template:
-        """The template, made once per process."""
-        if self.key not in _last_template:
-            path, content, robot = pickle.loads(self.payload)
-            made = Template(Path(path), content)
-            vars(made.experiment)["robot"] = robot  # its file need not be where the worker is
-            _last_template.clear()
-            _last_template[self.key] = made
-        return _last_template[self.key]
+
+@lru_cache(maxsize=1)
+def _template(task: Task) -> Template:
+    """The template, made once per process: robot and options are the same for all logs."""
+    path, content, robot = pickle.loads(task.payload)
+    made = Template(Path(path), content)
+    vars(made.experiment)["robot"] = robot  # its file need not be where the worker is
+    return made
 
 
 def identify_log(task: Task, log: FleetLog) -> list[Row]:
@@ -72,7 +68,7 @@ def identify_log(task: Task, log: FleetLog) -> list[Row]:
     begin = time.perf_counter()
     common: Row = {"task": log.name, "sha256": None}
     try:
-        template = task.template
+        template = _template(task)
         common["method"] = template.method_name
         if log.fault:
             raise log.fault
@@ -93,16 +89,10 @@ def identify_log(task: Task, log: FleetLog) -> list[Row]:
     return [common | row for row in _parameters(found, temperatures)]
 
 
-def identify_log_alone(task: Task, log: FleetLog) -> list[Row]:
-    """``identify_log`` in a worker process with one thread: workers share the cores."""
-    os.environ["PIVIDENT_THREADS"] = "1"
-    return identify_log(task, log)
-
-
 def lost_log(task: Task, log: FleetLog, times: int) -> list[Row]:
     """The row of a log whose worker died each time; it is retried in the next call."""
     message = f"the worker died {times} times on this log; is there enough memory?"
-    common: Row = {"task": log.name, "sha256": None, "method": task.template.method_name}
+    common: Row = {"task": log.name, "sha256": None, "method": _template(task).method_name}
     return [common | {"computed": time.time(), "error": "WorkerLost", "message": message}]
 
 
@@ -153,34 +143,6 @@ class OtherFleet(OtherContents, FleetFolderError):
     rows, owner = "results", "fleet"
 
 
-def row_schema() -> dict[str, Any]:
-    """Columns of a shard."""
-    pl = require("polars", extra="tables", purpose="the study of a fleet")
-    text, number = pl.String, pl.Float64
-    return {
-        "task": text,
-        "sha256": text,
-        "method": text,
-        "computed": number,
-        "converged": pl.Boolean,
-        "iterations": pl.Int64,
-        "samples": pl.Int64,
-        "relative_error": number,
-        "condition": number,
-        "seconds": number,
-        "joint": text,
-        "parameter": text,
-        "unit": text,
-        "value": number,
-        "std": number,
-        "robust_std": number,
-        "friction": pl.Boolean,
-        "temperature": number,
-        "error": text,
-        "message": text,
-    }
-
-
 class FleetStore(ResultsFolder):
     """The results folder of a fleet."""
 
@@ -189,7 +151,30 @@ class FleetStore(ResultsFolder):
 
     def schema(self) -> dict[str, Any]:
         """Columns of a shard."""
-        return row_schema()
+        pl = require("polars", extra="tables", purpose="the study of a fleet")
+        text, number = pl.String, pl.Float64
+        return {
+            "task": text,
+            "sha256": text,
+            "method": text,
+            "computed": number,
+            "converged": pl.Boolean,
+            "iterations": pl.Int64,
+            "samples": pl.Int64,
+            "relative_error": number,
+            "condition": number,
+            "seconds": number,
+            "joint": text,
+            "parameter": text,
+            "unit": text,
+            "value": number,
+            "std": number,
+            "robust_std": number,
+            "friction": pl.Boolean,
+            "temperature": number,
+            "error": text,
+            "message": text,
+        }
 
     @contextmanager
     def opened(self, template: Template) -> Iterator[FleetStore]:
@@ -300,7 +285,7 @@ def identify_fleet(
     except ExperimentError as error:
         raise error.headed(f"{template.path}:") from error
     pool = pool or pool_of(workers, executor)
-    work = identify_log if executor is not None else identify_log_alone
+    work = identify_log if executor is not None else partial(in_one_thread, identify_log)
     title = folder.absolute().name or "fleet"
     with store.opened(template):
         known = store.known()

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from pivident.dynamics.robot_regressor import regressor_of
 from pivident.estimation.problem import Problem
 from pivident.foundation.errors import ExperimentError
 from pivident.foundation.options import per_joint
+from pivident.linear.free_law import FreeLaw, identify_free_law
 from pivident.loop.simulation.closed_loop import Trajectory
 from pivident.loop.simulation.control_loop import Loop, with_measured_gravity
 from pivident.loop.simulation.controllers import Controller
@@ -31,9 +32,6 @@ from pivident.loop.simulation.simulated_record import Noise, Spread, loop_motion
 from pivident.models.runnable_model import is_possible
 from pivident.robot.naming import nearest
 from pivident.studies.many.study.scenario_tables import ScenarioTables, reference_of
-
-if TYPE_CHECKING:
-    from pivident.linear.free_law import FreeLaw
 
 #: Random stream of the starts, beside those of the noise.
 STARTS = 3
@@ -226,8 +224,6 @@ class Bench:
         Args:
             recording: a record of the bench.
         """
-        from pivident.linear.free_law import identify_free_law
-
         loop = self.loop
         return identify_free_law(
             recording, loop.drive_gain, loop.limit, method="srivc", reference_inputs=True

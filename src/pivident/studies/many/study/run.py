@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import pickle
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +37,7 @@ from pivident.studies.many.batch.results_folder import (
     Row as Row,
     failure,
 )
-from pivident.studies.many.batch.runner import CHANGED, Pool, Runner, pool_of
+from pivident.studies.many.batch.runner import CHANGED, Pool, Runner, in_one_thread, pool_of
 from pivident.studies.many.study.bench import Bench
 from pivident.studies.many.study.scenario import Scenario
 from pivident.studies.many.study.scenario_tables import (
@@ -49,12 +49,6 @@ from pivident.studies.many.study.summary import figures_of_merit
 
 if TYPE_CHECKING:
     import polars as pl
-
-    from pivident.studies.many.study.scenario import Scenario
-
-
-#: The bench that this process used last: robot, motion and truth are the same for all runs.
-_last_bench: dict[str, Bench] = {}
 
 
 @dataclass(frozen=True)
@@ -70,21 +64,19 @@ class Task:
         parts = (scenario.name, scenario.plain, scenario.source, scenario.condition)
         return cls(scenario.hash, pickle.dumps((parts, scenario.robot, series)))
 
-    @property
-    def bench(self) -> Bench:
-        """The bench, made once per process."""
-        if self.key not in _last_bench:
-            (name, plain, source, condition), robot, series = pickle.loads(self.payload)
-            scenario = Scenario(name, plain, source, {}, condition)
-            vars(scenario)["robot"] = robot  # its file need not be where the worker is
-            _last_bench.clear()
-            _last_bench[self.key] = Bench(scenario, series)
-        return _last_bench[self.key]
+
+@lru_cache(maxsize=1)
+def _bench(task: Task) -> Bench:
+    """The bench, made once per process: robot, motion and truth are the same for all runs."""
+    (name, plain, source, condition), robot, series = pickle.loads(task.payload)
+    scenario = Scenario(name, plain, source, {}, condition)
+    vars(scenario)["robot"] = robot  # its file need not be where the worker is
+    return Bench(scenario, series)
 
 
 def execute(task: Task, run: int) -> list[Row]:
     """All rows of a run, one per method."""
-    bench = task.bench
+    bench = _bench(task)
     common: Row = {"run": run, "record": bench.record_of(run), "start": bench.start_of(run)}
     begin = time.perf_counter()
     try:
@@ -104,12 +96,6 @@ def execute(task: Task, run: int) -> list[Row]:
                 answer = failure(error, time.perf_counter() - begin + shared.saved - saved)
             rows.append(common | {"method": name} | answer)
     return rows
-
-
-def execute_alone(task: Task, run: int) -> list[Row]:
-    """``execute`` in a worker process with one thread: workers share the cores."""
-    os.environ["PIVIDENT_THREADS"] = "1"
-    return execute(task, run)
 
 
 def _values(bench: Bench, found: Identification, begin: float) -> Row:
@@ -137,7 +123,7 @@ def _values(bench: Bench, found: Identification, begin: float) -> Row:
 
 def lost_rows(task: Task, run: int, times: int) -> list[Row]:
     """Rows of a run whose worker died each time it was tried."""
-    bench = task.bench
+    bench = _bench(task)
     common: Row = {"run": run, "record": bench.record_of(run), "start": bench.start_of(run)}
     message = f"the worker died {times} times on this run; is there enough memory?"
     lost: Row = {"error": "WorkerLost", "message": message}
@@ -188,41 +174,11 @@ def run_study(
             say(f"{scenario.title}: {CHANGED}")
         if done and missing:
             say(f"{scenario.title}: {total - len(missing)} runs are done, {len(missing)} to do")
-        work = execute if executor is not None else execute_alone
+        work = execute if executor is not None else partial(in_one_thread, execute)
         if missing:
             task = Task.of(scenario, series)
             Runner(task, store, pool, work, lost_rows, scenario.title, total, say).compute(missing)
     return store
-
-
-def row_schema() -> dict[str, Any]:
-    """Columns of a shard."""
-    pl = require("polars", extra="tables", purpose="a Monte Carlo study")
-    numbers, text = pl.List(pl.Float64), pl.String
-    return {
-        "run": pl.Int64,
-        "record": pl.Int64,
-        "start": pl.Int64,
-        "method": text,
-        "converged": pl.Boolean,
-        "iterations": pl.Int64,
-        "simulations": pl.Int64,
-        "theta": numbers,
-        "std": numbers,
-        "robust_std": numbers,
-        "formula_std": numbers,
-        "relative_error": pl.Float64,
-        "condition": pl.Float64,
-        "d_tau": pl.Float64,
-        "d_q": pl.Float64,
-        "d_beta": pl.Float64,
-        "seconds": pl.Float64,
-        "noise_order": pl.List(pl.Int64),  # of each joint's noise model, zero without one
-        # share of each joint's autocorrelations beyond ±2/√n, of white noise 0.05
-        "correlated": numbers,
-        "error": text,
-        "message": text,
-    }
 
 
 class Store(ResultsFolder):
@@ -233,7 +189,32 @@ class Store(ResultsFolder):
 
     def schema(self) -> dict[str, Any]:
         """Columns of a shard."""
-        return row_schema()
+        pl = require("polars", extra="tables", purpose="a Monte Carlo study")
+        numbers, text = pl.List(pl.Float64), pl.String
+        return {
+            "run": pl.Int64,
+            "record": pl.Int64,
+            "start": pl.Int64,
+            "method": text,
+            "converged": pl.Boolean,
+            "iterations": pl.Int64,
+            "simulations": pl.Int64,
+            "theta": numbers,
+            "std": numbers,
+            "robust_std": numbers,
+            "formula_std": numbers,
+            "relative_error": pl.Float64,
+            "condition": pl.Float64,
+            "d_tau": pl.Float64,
+            "d_q": pl.Float64,
+            "d_beta": pl.Float64,
+            "seconds": pl.Float64,
+            "noise_order": pl.List(pl.Int64),  # of each joint's noise model, zero without one
+            # share of each joint's autocorrelations beyond ±2/√n, of white noise 0.05
+            "correlated": numbers,
+            "error": text,
+            "message": text,
+        }
 
     @contextmanager
     def opened(self, scenario: Scenario, runs: int) -> Iterator[Store]:

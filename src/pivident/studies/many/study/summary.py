@@ -21,6 +21,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -285,7 +286,7 @@ def wilson_interval(share: float, count: int) -> Interval:
     """Interval of a share of ``count`` independent cases (Wilson 1927), NaN without any."""
     if count == 0 or math.isnan(share):
         return NAN, NAN
-    z = _normal_quantile()
+    z = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
     middle = share + z**2 / (2 * count)
     half = z * math.sqrt(share * (1 - share) / count + z**2 / (4 * count**2))
     scale = 1 + z**2 / count
@@ -329,12 +330,6 @@ def _mean(values: np.ndarray) -> float:
 
 def _median(values: Sequence[float] | np.ndarray) -> float:
     return float(np.median(values)) if len(values) else NAN
-
-
-def _normal_quantile() -> float:
-    from statistics import NormalDist
-
-    return NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
 
 
 def summary_text(summary: Summary) -> str:
