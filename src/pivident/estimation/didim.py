@@ -260,7 +260,6 @@ class SimulatedSteps:
     whitening: Whitening
 
     always_by_window = False
-    repeatable = True
 
     @property
     def earliest(self) -> int:
