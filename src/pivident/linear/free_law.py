@@ -10,7 +10,7 @@ and leaks; one this near to it is taken for an integrator.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -19,14 +19,11 @@ from pivident.data.recording.checks import clipped_samples
 from pivident.data.recording.recording import Recording
 from pivident.foundation.errors import ExperimentError, IdentificationError
 from pivident.foundation.threads import run_in_threads
-from pivident.loop.simulation.controllers import TAPS
+from pivident.loop.simulation.controllers import TAPS, SampledLaw
 from pivident.loop.simulation.linear_law import reference_derivatives
 
 if TYPE_CHECKING:
     from pivident.linear.estimate import LinearEstimate
-from dataclasses import field
-
-from pivident.loop.simulation.controllers import SampledLaw
 
 FreeMethod = Literal["arx", "riv", "srivc"]
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,16 +21,13 @@ from pivident.foundation.errors import Attempts, IdentificationError, in_words
 from pivident.foundation.text.numbers import format_significant
 from pivident.foundation.text.sentences import capital
 from pivident.judgement.validation.held_out.cross_validation import CrossValidation
+from pivident.judgement.validation.held_out.out_of_sample import OutOfSample
 from pivident.judgement.validation.held_out.prediction import Judge, PredictionError, pooled
-from pivident.models.consistency.link_quantities import ends_text, link_table
+from pivident.models.consistency.consistent_model import ConsistentModel
+from pivident.models.consistency.link_quantities import LinkRow, ends_text, link_table
 from pivident.models.consistency.metric import HALF_INTERVAL
 from pivident.models.consistency.options import ConsistencyOptions, consistent_label
 from pivident.models.consistency.profile_intervals import ProfileIntervals, not_found_sentence
-
-if TYPE_CHECKING:
-    from pivident.judgement.validation.held_out.out_of_sample import OutOfSample
-    from pivident.models.consistency.consistent_model import ConsistentModel
-    from pivident.models.consistency.link_quantities import LinkRow
 
 
 @dataclass(frozen=True, eq=False)

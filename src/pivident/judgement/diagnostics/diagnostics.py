@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 from pivident.data.logs.torque_scale import is_ratio
 from pivident.data.recording.recording import Recording
@@ -27,6 +26,10 @@ from pivident.foundation.text.finding import Finding
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.judgement.audit.recording_audit import recording_faults
 from pivident.judgement.diagnostics.baselines import Baselines, baselines
+from pivident.judgement.diagnostics.consistent_estimate import (
+    ConsistentEstimate,
+    NoConsistentEstimate,
+)
 from pivident.judgement.diagnostics.ranges import block_ranges, friction_ranges
 from pivident.judgement.diagnostics.slight_terms import LeftOut, left_out
 from pivident.judgement.diagnostics.trials import Trial, consequences, tried
@@ -40,12 +43,6 @@ from pivident.judgement.validation.instrument_tests import (
 from pivident.judgement.validation.residuals.model_error import ModelError, model_error
 from pivident.judgement.validation.residuals.residual_tests import ResidualTests, residual_tests
 from pivident.models.consistency.consistent_model import ConsistentModel, make_consistent
-
-if TYPE_CHECKING:
-    from pivident.judgement.diagnostics.consistent_estimate import (
-        ConsistentEstimate,
-        NoConsistentEstimate,
-    )
 
 #: Blocks of the motion that are held out in turn.
 FOLDS = 5

@@ -300,10 +300,11 @@ def _further(
 
     ``alike`` gets those that cannot be told from one of them.
     """
-    added: list[int] = []
-    for k, cause in enumerate(tests.causes):
-        if cause.kind == "delay" and not cause.subject and k not in corrected:
-            added.append(k)
+    added = [
+        k
+        for k, cause in enumerate(tests.causes)
+        if cause.kind == "delay" and not cause.subject and k not in corrected
+    ]
     while len(corrected) + len(added) < max(MOST, len(tests.sums.variance)):
         _, scores = tests.all_scores([*corrected, *added], 0.0)
         able = {

@@ -16,11 +16,16 @@ the F of the direction of the parameters that the instruments explain worst.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
+import numpy as np
+
+from pivident.estimation.identification import Identification
 from pivident.judgement.validation.moment_sums import (
     ExtraInstruments,
+    MomentSums,
     kept_equations,
     moment_sums,
 )
@@ -30,14 +35,6 @@ from pivident.judgement.validation.overidentification import (
     exogeneity_test,
     overidentification_test,
 )
-
-if TYPE_CHECKING:
-    from pivident.estimation.identification import Identification
-from collections.abc import Sequence
-
-import numpy as np
-
-from pivident.judgement.validation.moment_sums import MomentSums
 from pivident.judgement.validation.residuals.windowed_statistic import (
     directions_of,
     windowed_statistic,

@@ -10,21 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Share, Windows, windows_of
+from pivident.estimation.equation_record import EquationRecord
+from pivident.estimation.identification import Identification
+from pivident.estimation.restrictions import Freedom
+from pivident.estimation.solved_equations import Equations
 from pivident.foundation.errors import IdentificationError
-from pivident.loop.motion.motion import central_differences, with_inner
-
-if TYPE_CHECKING:
-    from pivident.dynamics.regressor import Regressor
-    from pivident.estimation.equation_record import EquationRecord
-    from pivident.estimation.identification import Identification
-    from pivident.estimation.restrictions import Freedom
-    from pivident.estimation.solved_equations import Equations
-    from pivident.loop.motion.motion import Motion
+from pivident.loop.motion.motion import Motion, central_differences, with_inner
 
 ExtraInstruments = Literal["reference", "delayed", "other"]
 

@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 from pivident.estimation.summary import error_rows
 from pivident.foundation.text import sentences
 from pivident.foundation.text.numbers import format_significant, with_spread
-
-if TYPE_CHECKING:
-    from pivident.studies.comparison.compared_results import ComparedResults
-    from pivident.studies.comparison.entry import Entry
+from pivident.studies.comparison.compared_results import ComparedResults
+from pivident.studies.comparison.entry import Entry
 
 #: Differences of so many percent are differences from nearly zero, and not given in percent.
 MAX_PERCENT = 1000.0

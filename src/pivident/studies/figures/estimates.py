@@ -30,9 +30,7 @@ from pivident.studies.figures.paper_style import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from pivident.studies.figures.paper_style import Panels
+    from pivident.studies.figures.paper_style import Figure, Panels
 
 #: Height of one parameter, and of each result beyond the first [inch].
 _ROW, _FURTHER = 0.17, 0.07

@@ -20,9 +20,7 @@ from pivident.studies.figures.paper_style import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from pivident.studies.figures.paper_style import Panels
+    from pivident.studies.figures.paper_style import Figure, Panels
 
 #: Frequencies of a curve.
 _POINTS = 600

@@ -29,9 +29,7 @@ from pivident.studies.figures.paper_style import (
 from pivident.studies.prediction.prediction import Prediction
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from pivident.studies.figures.paper_style import Panels
+    from pivident.studies.figures.paper_style import Figure, Panels
 
 #: Measured, predicted and error, as Brunot et al. (2018, figure 4) draw them.
 _MEASURED = {"color": "#0072B2", "linewidth": 1.4}

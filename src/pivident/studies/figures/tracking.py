@@ -24,9 +24,7 @@ from pivident.studies.figures.paper_style import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from pivident.studies.figures.paper_style import Panels
+    from pivident.studies.figures.paper_style import Figure, Panels
 
 
 def figure_of_tracking(
