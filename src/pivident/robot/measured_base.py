@@ -356,15 +356,6 @@ def continued_quaternions(quaternion: np.ndarray) -> np.ndarray:
     return quaternion * np.concatenate([[1.0], signs])[:, None]
 
 
-def continued_rpy(rpy: np.ndarray) -> np.ndarray:
-    """Angles without jumps of 2π.
-
-    Args:
-        rpy: roll, pitch and yaw, shape (samples, 3) [rad].
-    """
-    return np.unwrap(rpy, axis=0)
-
-
 def rotations_from_rpy(rpy: np.ndarray) -> np.ndarray:
     """Rotation matrices Rz(yaw) Ry(pitch) Rx(roll), shape (samples, 3, 3).
 

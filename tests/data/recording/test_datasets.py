@@ -124,8 +124,8 @@ def test_unknown_names_are_answered_with_the_known_ones():
 
 
 def test_every_data_set_describes_itself():
-    assert datasets.dataset_names() == ("staubli_tx40", "emps", "kuka_kr300", "tiago")
-    for name in datasets.dataset_names():
+    assert tuple(datasets.DATASETS) == ("staubli_tx40", "emps", "kuka_kr300", "tiago")
+    for name in datasets.DATASETS:
         text = datasets.describe(name)
         assert "Licence" in text and "Cite" in text
 
@@ -140,7 +140,7 @@ def test_addresses_are_fixed_to_a_commit_and_hashes_are_whole():
 
 
 @pytest.mark.record
-@pytest.mark.parametrize("name", datasets.dataset_names())
+@pytest.mark.parametrize("name", datasets.DATASETS)
 def test_the_local_copies_are_the_published_files(name, data_dir, monkeypatch):
     monkeypatch.setenv("PIVIDENT_DATA", str(data_dir))
     for key, path in datasets.dataset_files(name).items():

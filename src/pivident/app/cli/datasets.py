@@ -24,12 +24,11 @@ def datasets() -> int:
         DATASETS,
         ENVIRONMENT,
         dataset_files,
-        dataset_names,
         describe,
     )
 
-    for name in dataset_names():
-        published = all(file.url for file in DATASETS[name].files.values())
+    for name, dataset in DATASETS.items():
+        published = all(file.url for file in dataset.files.values())
         try:
             place = f"here: {next(iter(dataset_files(name).values())).parent}"
         except DatasetUnavailable as error:

@@ -106,7 +106,6 @@ def _programs(robot: Robot, models: Sequence[str], kind: str, values: bool) -> l
     from pivident.dynamics.parameters import standard_parameters
     from pivident.models.symbolic.model_symbols import Columns
     from pivident.models.symbolic.robot_models import (
-        nominal_base_values,
         nominal_standard_values,
         symbolic_models,
     )
@@ -115,7 +114,7 @@ def _programs(robot: Robot, models: Sequence[str], kind: str, values: bool) -> l
     columns: Columns
     if kind == "base":
         columns = base = base_parameters(robot)
-        numbers = nominal_base_values(base) if values else None
+        numbers = base.values(nominal_standard_values(robot)) if values else None
     else:
         columns = standard_parameters(robot)
         numbers = nominal_standard_values(robot) if values else None

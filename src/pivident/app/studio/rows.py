@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from tomlkit.items import InlineTable, Item
 
+from pivident.data.logs.tables.dialect import is_number
 from pivident.data.logs.units import UNITS_OF
 from pivident.estimation.methods import METHODS
 from pivident.experiment.edited_lines import document_of, table_name
@@ -221,20 +222,12 @@ def example_of(words: KeyWords) -> str:
     if words.choices:
         return next((c for c in words.choices if c != default), words.choices[0])
     if words.kind.startswith("number") or words.kind == "per joint":
-        return default if _is_number(default) else "1.0"
+        return default if is_number(default) else "1.0"
     count = words.kind.partition(" ")[0]
     if count.isdigit() and words.kind.endswith("numbers"):
         return value_text([float(k) for k in range(int(count))])
     made = {"list of names": '["name"]', "list of numbers": "[0.0]", "columns": '["column"]'}
     return made.get(words.kind, "{}" if words.kind.startswith("table") else '""')
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _words(model: type[BaseModel], name: str, field: FieldInfo) -> KeyWords:

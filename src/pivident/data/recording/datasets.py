@@ -146,11 +146,6 @@ DATASETS = {
 }
 
 
-def dataset_names() -> tuple[str, ...]:
-    """Names of the public records."""
-    return tuple(DATASETS)
-
-
 def describe(name: str) -> str:
     """What a data set is, its terms, what to cite and its files, as a few lines of text."""
     dataset = _dataset(name)

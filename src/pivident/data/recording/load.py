@@ -7,8 +7,9 @@ The arguments are plain names, numbers and tables, so that an experiment file ca
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Unpack, get_args
 
@@ -33,7 +34,6 @@ from pivident.foundation.text.plain_values import plain
 from pivident.robot.description import Robot
 from pivident.robot.measured_base import (
     continued_quaternions,
-    continued_rpy,
     rotations_from_quaternions,
     rotations_from_rpy,
 )
@@ -51,7 +51,10 @@ OF_LOGGER = ("control_rate", "torque_timing", "delay", "drive_delay", "torque_si
 
 #: Rotations whose samples jump where they pass half a turn, and what makes them go on: nothing may
 #: be interpolated over a jump.
-CONTINUED = {"base.quaternion": continued_quaternions, "base.rpy": continued_rpy}
+CONTINUED: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "base.quaternion": continued_quaternions,
+    "base.rpy": partial(np.unwrap, axis=0),
+}
 
 #: Whether a channel was measured before or behind the gear.
 Side = Literal["joint", "motor"]

@@ -219,11 +219,6 @@ def group_expressions(base: BaseParameters) -> list[Expression]:
     return elements
 
 
-def nominal_base_values(base: BaseParameters) -> np.ndarray:
-    """Base parameters of the nominal (CAD) values in the robot's description."""
-    return base.values(nominal_standard_values(base.robot))
-
-
 def nominal_standard_values(robot: Robot) -> np.ndarray:
     """Standard parameters of the nominal (CAD) values in a robot's description."""
     nominal = nominal_values(robot, standard_parameters(robot))

@@ -119,25 +119,12 @@ def hardest(design: Design, count: int) -> list[PredictedError]:
     return found[:count]
 
 
-def relative_words(p: PredictedError) -> str:
-    """Standard error over the value in words: a percentage, ``∞`` or ``–``.
+def percentage(share: float) -> str:
+    """Standard error over a value or a size in words: a percentage, ``∞`` or ``–``.
 
     Args:
-        p: prediction for one parameter.
+        share: the quotient.
     """
-    return _percentage(p.relative)
-
-
-def share_words(p: PredictedError) -> str:
-    """Standard error over the size that matters in words, likewise.
-
-    Args:
-        p: prediction for one parameter.
-    """
-    return _percentage(p.share)
-
-
-def _percentage(share: float) -> str:
     return percent(100.0 * share) if np.isfinite(share) else format_significant(100.0 * share)
 
 
@@ -179,7 +166,7 @@ def _columns(rows: list[PredictedError]) -> list[tuple[str, str, list[str]]]:
         ("value", ".", [text for text, _ in values]),
         ("σ predicted", ".", [text for _, text in values]),
         ("σ before", ".", before),
-        ("σ/size", ".", [share_words(p) for p in rows]),
+        ("σ/size", ".", [percentage(p.share) for p in rows]),
         ("unit", "<", [p.unit for p in rows]),
     ]
 

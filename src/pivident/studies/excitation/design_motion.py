@@ -20,7 +20,7 @@ from pivident.loop.motion.wanted_motion import RISE
 from pivident.robot.description import Robot
 from pivident.robot.refusals import without_loops
 from pivident.studies.collision.clearances import Clearances
-from pivident.studies.excitation.account import share_words
+from pivident.studies.excitation.account import percentage
 from pivident.studies.excitation.checked_motion import FineCheck, with_more_room
 from pivident.studies.excitation.criteria import Objective, condition_number, standard_errors
 from pivident.studies.excitation.design import PAGE_RATE, ClearanceUse, Design, PredictedError
@@ -172,7 +172,7 @@ def _worst(design: Design) -> float:
 def _goal_missed(design: Design, goal: float, longest: float) -> str:
     """What the best motion reaches, and what binds."""
     wanted = [p for p in design.predicted if p.wanted]
-    reached = ", ".join(f"{p.name} to {share_words(p)}" for p in wanted)
+    reached = ", ".join(f"{p.name} to {percentage(p.share)}" for p in wanted)
     text = (
         f"No motion of up to {longest:g} s reaches {100 * goal:g} %: the best one gives {reached}"
     )

@@ -6,6 +6,7 @@ import math
 import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,7 @@ from pivident.studies.excitation.account import (
     headline,
     kind_words,
     limit_words,
-    relative_words,
-    share_words,
+    percentage,
 )
 from pivident.studies.excitation.design import (
     Design,
@@ -48,15 +48,6 @@ from pivident.studies.excitation.robot_programs import unwritten_programs
 _DIGITS = 5
 
 
-@dataclass(frozen=True, eq=False)
-class _Positions:
-    """What the picture of a recording reads of it."""
-
-    name: str
-    t: np.ndarray
-    q_measured: np.ndarray
-
-
 def picture_values(design: Design) -> dict[str, Any]:
     """Robot and motion as `motion_values` has them, with ``bodies`` and ``obstacles``.
 
@@ -68,7 +59,7 @@ def picture_values(design: Design) -> dict[str, Any]:
     """
     motion = design.motion
     t = np.linspace(0.0, motion.duration, max(2, int(np.ceil(motion.duration * RATE)) + 1))
-    positions: Any = _Positions(MOTION, t, motion.at(t)[0])
+    positions: Any = SimpleNamespace(name=MOTION, t=t, q_measured=motion.at(t)[0])
     content = motion_values(design.robot, [positions])
     content["bodies"] = [
         {
@@ -174,8 +165,7 @@ def _sections(
             "figure_of_errors": errors_figure(design),
             "some_wanted": any(p.wanted for p in design.predicted),
             "gain": _gain,
-            "relative": relative_words,
-            "share": share_words,
+            "percentage": percentage,
         },
     )
     correlation = predicted_correlation(design)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from textwrap import wrap
 
@@ -346,11 +347,6 @@ def _no_pendant(design: Design) -> str:
     return ""
 
 
-def _slowly(write: Callable[[Design, float], str]) -> Callable[[Design], str]:
-    """A program that runs at the slow pace."""
-    return lambda design: write(design, SLOW)
-
-
 def _file(name: str, pace: float) -> str:
     """A name, with ``_slow`` before its ending for a slow pace."""
     stem, dot, ending = name.partition(".")
@@ -367,14 +363,14 @@ _KINDS: tuple[
         _file("trajectory.yaml", SLOW),
         f"the same at {100 * SLOW:.0f} % of the speed, for a first run",
         _no_obstacle,
-        _slowly(ros_trajectory),
+        partial(ros_trajectory, pace=SLOW),
     ),
     (f"{PROGRAM}.script", "URScript of Universal Robots", _no_ur, ur_script),
     (
         _file(f"{PROGRAM}.script", SLOW),
         f"slow URScript at {100 * SLOW:.0f} % of the speed, for a first run",
         _no_ur,
-        _slowly(ur_script),
+        partial(ur_script, pace=SLOW),
     ),
     (f"{PROGRAM}.src", "KRL program of KUKA", _no_pendant, krl),
     (f"{PROGRAM}.mod", "RAPID program of ABB", _no_abb, rapid),

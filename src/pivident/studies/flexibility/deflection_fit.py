@@ -204,6 +204,8 @@ def find_orders(residual: np.ndarray, angle: np.ndarray, highest: float) -> list
     One line at a time is found in the spectrum over the motor's angle and subtracted together with
     all earlier ones.
     """
+    from scipy.ndimage import median_filter
+
     period = 2 * math.pi / max(float(np.ptp(angle)), 1e-12)
     lowest, step = MIN_PERIODS * period, 0.5 * period
     if highest <= lowest + 2 * NEIGHBOURS * step:
@@ -213,7 +215,7 @@ def find_orders(residual: np.ndarray, angle: np.ndarray, highest: float) -> list
     left = residual - residual.mean()
     for _ in range(MAX_LINES):
         power = _power(left, angle, grid)
-        background = _running_median(power, 2 * NEIGHBOURS)
+        background = median_filter(power, 4 * NEIGHBOURS + 1, mode="mirror")
         for order in orders:
             power[np.abs(grid - order) < SEPARATION * period] = 0.0
         best = int(np.argmax(power / background))
@@ -236,12 +238,6 @@ def _power(x: np.ndarray, angle: np.ndarray, orders: np.ndarray) -> np.ndarray:
         phase = order * angle
         power[k] = (weighted @ np.cos(phase)) ** 2 + (weighted @ np.sin(phase)) ** 2
     return power
-
-
-def _running_median(x: np.ndarray, half: int) -> np.ndarray:
-    """Median of each value's neighbourhood."""
-    padded = np.pad(x, half, mode="reflect")
-    return np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -133,11 +133,7 @@ def fit_flexible(
         return theta
 
     def residual(x: np.ndarray) -> np.ndarray:
-        admittance, motor, load = flexible_parts(spectra.frequency, whole(x))
-        # Until the load's speed is known, its friction has the sign of the motor's speed.
-        both = spectra.disturbance.shape[1] == 2
-        friction = np.stack([motor, load], axis=1) if both else (motor + load)[:, None]
-        return weighted_errors(spectra, admittance, friction)
+        return flexible_errors(spectra, whole(x))
 
     low, high = spectra.frequency[0], spectra.frequency[-1]
     best = None if known is None else (known[free], 0.0, np.empty(0))
@@ -154,6 +150,15 @@ def fit_flexible(
     covariance = np.zeros((FLEXIBLE, FLEXIBLE))
     covariance[np.ix_(free, free)] = best[2]
     return whole(best[0]), best[1], covariance
+
+
+def flexible_errors(spectra: LocalSpectra, theta: np.ndarray) -> np.ndarray:
+    """Weighted errors of a flexible joint, real and imaginary parts."""
+    admittance, motor, load = flexible_parts(spectra.frequency, theta)
+    # Until the load's speed is known, its friction has the sign of the motor's speed.
+    both = spectra.disturbance.shape[1] == 2
+    friction = np.stack([motor, load], axis=1) if both else (motor + load)[:, None]
+    return weighted_errors(spectra, admittance, friction)
 
 
 def weighted_errors(

@@ -31,10 +31,10 @@ from pivident.studies.flexibility.frequency_response import EXCITED, LocalSpectr
 from pivident.studies.flexibility.impedance_fit import (
     fit_flexible,
     fit_rigid,
+    flexible_errors,
     flexible_parts,
     least_squares_fit,
     periodic_load_speed,
-    weighted_errors,
 )
 from pivident.studies.flexibility.measured import Measured
 from pivident.studies.flexibility.resonance import CLEARLY_BETTER, FRICTION_SHARE, MIN_BINS
@@ -229,13 +229,8 @@ def _pooled_fit(
     """Constants of all postures, cost and covariance."""
 
     def residual(theta: np.ndarray) -> np.ndarray:
-        parts = []
-        for s, posture in zip(spectra, own.tolist(), strict=True):
-            admittance, motor, load = flexible_parts(s.frequency, _of_posture(theta, posture))
-            both = s.disturbance.shape[1] == 2
-            friction = np.stack([motor, load], axis=1) if both else (motor + load)[:, None]
-            parts.append(weighted_errors(s, admittance, friction))
-        return np.concatenate(parts)
+        pairs = zip(spectra, own.tolist(), strict=True)
+        return np.concatenate([flexible_errors(s, _of_posture(theta, p)) for s, p in pairs])
 
     return least_squares_fit(residual, start)
 

@@ -5,6 +5,8 @@ Figures of a search for ripple; their look is that of the report.
 
 from __future__ import annotations
 
+import html
+
 import numpy as np
 
 from pivident.foundation.document.plot import (
@@ -171,7 +173,7 @@ def gain_figure(joints: tuple[JointFriction, ...]) -> Figure:
         gains = [getattr(j.held_out, which).gain(j.held_out.constant) for j in joints]
         plot.add(
             "bar",
-            x=[str(_escaped(n)) for n in names],
+            x=[html.escape(n, quote=False) for n in names],
             y=np.array([g for g, _ in gains]),
             error_y={
                 "type": "data",
@@ -275,12 +277,6 @@ def _sentence(joint: JointFriction, key: str) -> str:
     return f"{joint.name}: {found.message}" if found else joint.name
 
 
-def _escaped(text: str) -> str:
-    import html
-
-    return html.escape(text, quote=False)
-
-
 def order_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
     """Amplitude of the residual over the order, with what would be found and what was.
 
@@ -379,7 +375,9 @@ def turn_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
 
 def ripple_figures(joint: JointRipple) -> list[Figure]:
     """All figures of one joint, one pair for each angle."""
-    made: list[Figure | None] = []
-    for angle in range(len(joint.angles)):
-        made += [order_figure(joint, angle), turn_figure(joint, angle)]
+    made = (
+        drawn(joint, angle)
+        for angle in range(len(joint.angles))
+        for drawn in (order_figure, turn_figure)
+    )
     return [figure for figure in made if figure is not None]

@@ -252,10 +252,10 @@ class JointJudge:
     def effective(self, score: LawScore) -> tuple[float, float]:
         """Number of judged rows, and that of independent ones by a law's residual."""
         theta = self.own_theta(self.whole.solve(self.sums(score.law)))
-        made = []
-        for rows, extra in zip(self.band.rows, self._band_columns(score.law), strict=True):
-            residual = rows.tau - theta @ np.vstack([rows.phi, extra])
-            made.append(residual[rows.used > 0])
+        made = [
+            (rows.tau - theta @ np.vstack([rows.phi, extra]))[rows.used > 0]
+            for rows, extra in zip(self.band.rows, self._band_columns(score.law), strict=True)
+        ]
         return float(sum(x.size for x in made)), effective_rows(made)
 
     def sums(self, law: FrictionLaw) -> SegmentSums:
@@ -354,11 +354,10 @@ class JointJudge:
         eq = self.last.equations
         theta = np.zeros_like(self.theta)
         theta[self._carried()] = self.theta[self._carried()]
-        made = []
-        for record, k in zip(eq.records, self.motions, strict=True):
-            torque = eq.regressor.torque(k.q.T, k.dq.T, k.ddq.T, theta)
-            made.append(torque[row_samples(record), self.joint])
-        return made
+        return [
+            eq.regressor.torque(k.q.T, k.dq.T, k.ddq.T, theta)[row_samples(record), self.joint]
+            for record, k in zip(eq.records, self.motions, strict=True)
+        ]
 
     def _divisions(self) -> list[Division]:
         """What is held out: by the joint's speed and load where there is one recording."""
