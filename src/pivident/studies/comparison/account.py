@@ -44,7 +44,6 @@ from pivident.studies.comparison.compared_results import (
 from pivident.studies.comparison.friction_curves import FrictionCurve, JointFriction
 from pivident.studies.comparison.remarks import findings, level_sentence, rows_text, share_text
 from pivident.studies.comparison.side_by_side import (
-    condition_text,
     difference_text,
     estimate_text,
     format_z,
@@ -161,11 +160,10 @@ def interval_drawing(comparison: ComparedResults, p: ComparedParameter) -> Inter
         x = unknown if math.isnan(x) else min(max(x, low), high)
         return round(_MARGIN + (100.0 - 2.0 * _MARGIN) * (x - low) / extent, 2)
 
-    intervals = []
-    for k, e in present:
-        middle = place(e.value, e.value)
-        left, right = place(e.low, e.value), place(e.high, e.value)
-        intervals.append(Interval(k, middle, left, right))
+    intervals = [
+        Interval(k, place(e.value, e.value), place(e.low, e.value), place(e.high, e.value))
+        for k, e in present
+    ]
     words = "; ".join(f"{comparison.labels[k]} {estimate_text(e)} {p.unit}" for k, e in present)
     return IntervalDrawing(
         intervals=tuple(intervals),
@@ -289,10 +287,11 @@ def to_latex(comparison: ComparedResults) -> str:
         else rf"{latex_number(format_significant(100.0 * e.relative_error, 2))}\,\%"
         for e in entries
     ]
+    conditions = [latex_number(format_significant(e.condition)) for e in entries]
     blank = [""] * (len(heads) - len(labels))
     below = [
         ["Torque error", "", *errors, *blank],
-        ["Condition number", "", *(latex_number(condition_text(e)) for e in entries), *blank],
+        ["Condition number", "", *conditions, *blank],
     ]
     return "\n".join(
         [

@@ -259,7 +259,7 @@ def _entries(results: Any) -> list[Entry]:
     if isinstance(results, (str, PathLike, Identification)) or not isinstance(results, Iterable):
         results = [results]
     results = list(results)
-    entries: list[list[Entry]] = []
+    entries: list[Entry] = []
     paths = [r for r in results if not isinstance(r, Identification)]
     for path in paths:
         if not isinstance(path, (str, PathLike)):
@@ -270,11 +270,9 @@ def _entries(results: Any) -> list[Entry]:
     if paths and len(paths) == len(results):
         return load_entries(paths)
     for result in results:
-        if isinstance(result, Identification):
-            entries.append([entry_of(result, result.method)])
-        else:
-            entries.append(load_entries([result]))
-    return [entry for group in entries for entry in group]
+        is_estimate = isinstance(result, Identification)
+        entries += [entry_of(result, result.method)] if is_estimate else load_entries([result])
+    return entries
 
 
 def _named(entries: list[Entry], labels: Sequence[str] | None) -> list[Entry]:
@@ -306,13 +304,11 @@ def _judged(
     table: list[list[Difference | None]] = []
     for _, estimates in rows:
         first, *others = estimates
-        line: list[Difference | None] = [None]
-        for other, same in zip(others, same_record[1:], strict=True):
-            if first is None or other is None:
-                line.append(None)
-            else:
-                line.append(difference(first, other, independent=not same))
-        table.append(line)
+        found = (
+            difference(first, other, independent=not same) if first and other else None
+            for other, same in zip(others, same_record[1:], strict=True)
+        )
+        table.append([None, *found])
     single = np.array([[math.nan if d is None else d.p_value for d in line] for line in table])
     adjusted = holm(single.ravel()).reshape(single.shape)
     return tuple(

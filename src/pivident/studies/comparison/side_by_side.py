@@ -128,11 +128,6 @@ def z_text(comparison: ComparedResults, found: Difference | None) -> str:
     return f"{format_z(found.z)}{' *' if comparison.is_marked(found) else '  '}"
 
 
-def condition_text(entry: Entry) -> str:
-    """Condition number of the observation matrix."""
-    return format_significant(entry.condition)
-
-
 def record_text(entry: Entry) -> str:
     """The record by the hashes of its files."""
     return " ".join(digest[:HASH] for digest in entry.inputs.values()) or "not known"
@@ -146,7 +141,7 @@ def _fit_columns(comparison: ComparedResults) -> list[Column]:
         ("result", "<", [e.label for e in entries]),
         ("parameters", ">", [str(len(e.names)) for e in entries]),
         ("torque error", ">", [share_text(e.relative_error) for e in entries]),
-        ("condition", ">", [condition_text(e) for e in entries]),
+        ("condition", ">", [format_significant(e.condition) for e in entries]),
         ("rows", ">", rows),
         ("converged", ">", [{None: "–", True: "yes", False: "NO"}[e.converged] for e in entries]),
     ]

@@ -193,13 +193,12 @@ def _bend(torque: FrictionTorque, fit: StateDependentFit) -> FrictionFinding:
     # What lies below the lowest friction, and a tenth beyond it, belongs to the Stribeck effect.
     start = _lowest_friction(fit) + 0.1 * (high - low)
     middle = 0.5 * (start + high)
-    halves = []
-    for a, b in ((start, middle), (middle, high)):
-        weights = [
-            (1.0 / (b - a), against_motion(fit, b)),
-            (-1.0 / (b - a), against_motion(fit, a)),
-        ]
-        halves.append(combined(weights))
+    halves = [
+        combined(
+            [(1.0 / (b - a), against_motion(fit, b)), (-1.0 / (b - a), against_motion(fit, a))]
+        )
+        for a, b in ((start, middle), (middle, high))
+    ]
     slopes = [fit.contrast(w) for w in halves]
     change, std = fit.contrast(combined([(1.0, halves[1]), (-1.0, halves[0])]))
     # What the bend makes of the friction at the middle, in percent of it.

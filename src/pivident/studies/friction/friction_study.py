@@ -179,18 +179,15 @@ def _held_out(
     """Errors with and without each term."""
     speed = [t for t in terms if not t.centred]
     others = [t.name for t in terms if t.centred]
-    band = torque.band
-    full = held_out_error(torque, terms, fit, band)
     by_term = {
-        name: held_out_error(torque, [t for t in terms if t.name != name], fit, band)
-        for name in others
+        name: held_out_error(torque, [t for t in terms if t.name != name], fit) for name in others
     }
     return HeldOut(
-        band=band,
-        constant=constant_law_error(torque, fit.correlation, band),
-        speed=held_out_error(torque, speed, fit, band),
+        band=torque.band,
+        constant=constant_law_error(torque, fit.correlation),
+        speed=held_out_error(torque, speed, fit),
         by_term=by_term,
-        full=full,
+        full=held_out_error(torque, terms, fit),
     )
 
 

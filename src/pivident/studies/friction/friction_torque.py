@@ -105,7 +105,7 @@ def friction_torques(
     record = np.repeat(np.arange(len(records)), [k.stop - k.start for k in records])
     t = np.concatenate([np.arange(k.start, k.stop) / k.recording.rate for k in records])
     load_std = _rigid_standard_error(identification, regressor, q, dq, ddq)
-    friction = [
+    return tuple(
         FrictionTorque(
             name=joint.name,
             torque_unit=joint.torque_unit,
@@ -125,8 +125,7 @@ def friction_torques(
             load_std=float(load_std[j]),
         )
         for j, joint in enumerate(problem.robot.joints)
-    ]
-    return tuple(friction)
+    )
 
 
 def _smoothed(x: np.ndarray, rate: float, band: float) -> np.ndarray:

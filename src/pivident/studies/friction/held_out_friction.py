@@ -7,7 +7,7 @@ above it there is noise that no law explains.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -60,53 +60,44 @@ class HeldOut:
 
 
 def held_out_error(
-    friction: FrictionTorque,
-    terms: Sequence[StateDependence],
-    fit: StateDependentFit,
-    band: float,
-    blocks: int = BLOCKS,
+    friction: FrictionTorque, terms: Sequence[StateDependence], fit: StateDependentFit
 ) -> HeldOutError:
     """Error of a model on blocks that were left out, smoothness and correlation from ``fit``."""
-    gap = int(np.ceil(fit.correlation))
-    error = np.zeros(friction.tau.size)
-    for block in _blocks(friction.tau.size, blocks):
-        near = slice(max(block.start - gap, 0), block.stop + gap)
-        used = friction.moving.copy()
-        used[near] = False
-        model = contributions_without(friction.tau, terms, fit, used, friction.record)
-        error[block] = (friction.tau - model)[block]
-    return _by_block(friction, error, band, blocks)
+    return _by_block(
+        friction,
+        fit.correlation,
+        lambda used: contributions_without(friction.tau, terms, fit, used, friction.record),
+    )
 
 
-def constant_law_error(
-    friction: FrictionTorque, correlation: float, band: float, blocks: int = BLOCKS
-) -> HeldOutError:
+def constant_law_error(friction: FrictionTorque, correlation: float) -> HeldOutError:
     """Error of fv dq + fc sign(dq) + off, fitted without the block and D samples on both sides."""
     columns = np.column_stack([friction.dq, friction.direction, np.ones(friction.dq.size)])
-    gap = int(np.ceil(correlation))
-    error = np.zeros(friction.tau.size)
-    for block in _blocks(friction.tau.size, blocks):
-        used = friction.moving.copy()
-        used[max(block.start - gap, 0) : block.stop + gap] = False
-        theta = np.linalg.lstsq(columns[used], friction.tau[used], rcond=None)[0]
-        error[block] = (friction.tau - columns @ theta)[block]
-    return _by_block(friction, error, band, blocks)
+
+    def model(used: np.ndarray) -> np.ndarray:
+        return columns @ np.linalg.lstsq(columns[used], friction.tau[used], rcond=None)[0]
+
+    return _by_block(friction, correlation, model)
 
 
 def _by_block(
-    friction: FrictionTorque, error: np.ndarray, band: float, blocks: int
+    friction: FrictionTorque, correlation: float, model: Callable[[np.ndarray], np.ndarray]
 ) -> HeldOutError:
+    """Error on each block of a model that is fitted without it, and D samples on both sides."""
+    gap, error = int(np.ceil(correlation)), np.zeros(friction.tau.size)
+    borders = np.linspace(0, error.size, BLOCKS + 1).astype(int)
+    blocks = [slice(a, b) for a, b in pairwise(borders.tolist())]
+    for block in blocks:
+        used = friction.moving.copy()
+        used[max(block.start - gap, 0) : block.stop + gap] = False
+        error[block] = (friction.tau - model(used))[block]
     low = np.zeros(error.size)
     for k in np.unique(friction.record):
         own = friction.record == k
-        low[own] = butterworth(np.where(friction.moving, error, 0.0)[own], friction.rate, band)
-    parts = [low[block][friction.moving[block]] ** 2 for block in _blocks(error.size, blocks)]
+        moving = np.where(friction.moving, error, 0.0)[own]
+        low[own] = butterworth(moving, friction.rate, friction.band)
+    parts = [low[block][friction.moving[block]] ** 2 for block in blocks]
     parts = [part for part in parts if part.size]
     return HeldOutError(
         np.array([part.mean() for part in parts]), np.array([float(part.size) for part in parts])
     )
-
-
-def _blocks(samples: int, blocks: int) -> list[slice]:
-    edges = np.linspace(0, samples, blocks + 1).astype(int)
-    return [slice(a, b) for a, b in pairwise(edges.tolist())]

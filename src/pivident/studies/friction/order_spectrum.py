@@ -148,8 +148,7 @@ def order_grid(angle: np.ndarray, highest: float, most: int = 24000) -> np.ndarr
 def order_spectrum(rows: WhiteRows, orders: np.ndarray, cycles: float) -> OrderSpectrum:
     """Gain and floor of the orders with at least ``cycles`` over the visited positions."""
     if orders.size < 2 or rows.white.size == 0:
-        empty = np.zeros(0)
-        return OrderSpectrum(*(empty,) * 7, np.zeros(0, bool), 0.0)
+        return OrderSpectrum(*(np.zeros(0),) * 7, np.zeros(0, bool), 0.0)
     centre = float(rows.angle.mean())
     sums = _scan(
         float(orders[0]),

@@ -154,8 +154,7 @@ def nvr_by_likelihood(
     if near is not None:
         middle = math.log10(near)
         grid = np.clip(middle + np.linspace(-1.0, 1.0, 5), low, high)
-    costs = [cost(x) for x in grid]
-    best = int(np.argmin(costs))
+    best = int(np.argmin([cost(x) for x in grid]))
     if best in (0, len(grid) - 1):
         return 10.0 ** float(grid[best]), bool(grid[best] <= low or grid[best] >= high)
     beside = float(grid[best - 1]), float(grid[best + 1])

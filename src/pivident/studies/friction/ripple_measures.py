@@ -254,8 +254,7 @@ def named_findings(
                         else f"fewer than {cycles:g} cycles visited"
                     )
             if unseen:
-                nan = math.nan
-                found.append(NamedFinding(wanted, order, nan, nan, nan, unseen))
+                found.append(NamedFinding(wanted, order, math.nan, math.nan, math.nan, unseen))
                 continue
             found.append(
                 NamedFinding(

@@ -112,11 +112,14 @@ def find_ripple(
                 advice=f"the robot has {', '.join(names)}",
             )
     series = residual_series(identification, recordings)
-    joints = []
-    for j, name in enumerate(names):
-        own = [wanted for wanted in named if wanted.joint in (None, name)]
-        joints.append(search_joint(robot, j, series, own, highest, cycles, alpha, most, lag))
-    return Ripple(tuple(joints), alpha)
+    own = [[wanted for wanted in named if wanted.joint in (None, name)] for name in names]
+    return Ripple(
+        tuple(
+            search_joint(robot, j, series, own[j], highest, cycles, alpha, most, lag)
+            for j in range(len(names))
+        ),
+        alpha,
+    )
 
 
 def search_joint(

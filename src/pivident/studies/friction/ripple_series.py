@@ -81,11 +81,10 @@ def _predicted(identification: Identification, recording: Recording) -> Residual
     model = identification.predict(q, dq, ddq)
     rated = np.where(np.isfinite(robot.rated_speeds), robot.rated_speeds, np.abs(dq).max(axis=0))
     used = np.abs(dq) >= LOW_SPEED * rated
-    t = recording.t[part]
-    error = tau - model
     return ResidualSeries(
-        recording.name, t, recording.rate, q, dq, error, np.abs(model), used, k.f50
-    )
+        recording.name, recording.t[part], recording.rate, q, dq, tau - model, np.abs(model), used,
+        k.f50,
+    )  # fmt: skip
 
 
 def delayed(series: ResidualSeries, lag: float) -> ResidualSeries:
@@ -150,8 +149,7 @@ def settled_rows(used: np.ndarray, order: int) -> np.ndarray:
 
 def fit_noise(errors: Sequence[np.ndarray], used: Sequence[np.ndarray]) -> tuple[ArModel, float]:
     """Autoregressive model of a residual over the rows in use, and s of its innovations."""
-    apart = [np.ones(1, bool)]
-    mask = np.concatenate([part for v in used for part in (~v, apart[0])])
+    mask = np.concatenate([part for v in used for part in (~v, np.ones(1, bool))])
     joined = np.concatenate([part for e in errors for part in (_without_peaks(e), np.zeros(1))])
     stretches = unmasked_stretches(mask)
     lengths = stretches[:, 1] - stretches[:, 0]
@@ -159,12 +157,7 @@ def fit_noise(errors: Sequence[np.ndarray], used: Sequence[np.ndarray]) -> tuple
     typical = int(np.sort(lengths)[np.searchsorted(np.cumsum(np.sort(lengths)), lengths.sum() / 2)])
     p_max = max(1, min(MAX_NOISE_ORDER, typical // 4))
     model = fit_ar(joined, p_max, "bic", segments=stretches, shortest=2 * p_max + 2)
-    white = np.concatenate(
-        [
-            whitened(model.coefficients, e - model.mean)[settled_rows(v, model.order)]
-            for e, v in zip(errors, used, strict=True)
-        ]
-    )
+    white = _white_rows(model, 1.0, [e - model.mean for e in errors], used)
     return model, float(white.std())
 
 
@@ -204,15 +197,15 @@ def fit_waves(
     reach = np.array(
         [np.pi / max(max(np.ptp(a[k]) for a in angles), 1e-12) for k in range(len(waves))]
     )
-    right = _white_rows(model, scale, errors, used)
+    right = _white_rows(model, scale, [e - model.mean for e in errors], used)
     beta = np.zeros(2 * len(waves))
     for step in range(_REFINEMENTS):
         columns, slopes = _columns(waves, orders, angles, beta)
-        left = _white_columns(model, scale, columns, used)
+        left = _white_rows(model, scale, columns, used)
         if step == 0:
             beta = _solved(left, right)
             continue
-        both = np.hstack([left, _white_columns(model, scale, slopes, used)])
+        both = np.hstack([left, _white_rows(model, scale, slopes, used)])
         solution = _solved(both, right)
         beta = solution[: beta.size]
         change = np.clip(solution[beta.size :], -reach / 2, reach / 2)
@@ -220,8 +213,8 @@ def fit_waves(
         if np.all(np.abs(change) < _SETTLED * reach):
             break
     columns, slopes = _columns(waves, orders, angles, beta)
-    left = _white_columns(model, scale, columns, used)
-    both = np.hstack([left, _white_columns(model, scale, slopes, used)])
+    left = _white_rows(model, scale, columns, used)
+    both = np.hstack([left, _white_rows(model, scale, slopes, used)])
     spread = np.linalg.pinv(both.T @ both)
     fixed = np.linalg.pinv(left.T @ left)
     beta = _solved(left, right)
@@ -260,23 +253,13 @@ def _columns(
 
 
 def _white_rows(
-    model: ArModel, scale: float, errors: Sequence[np.ndarray], used: Sequence[np.ndarray]
+    model: ArModel, scale: float, signals: Sequence[np.ndarray], used: Sequence[np.ndarray]
 ) -> np.ndarray:
+    """Rows in use of signals, or of columns, of all recordings behind the filter."""
     return np.concatenate(
         [
-            whitened(model.coefficients / scale, e - model.mean)[settled_rows(v, model.order)]
-            for e, v in zip(errors, used, strict=True)
-        ]
-    )
-
-
-def _white_columns(
-    model: ArModel, scale: float, columns: Sequence[np.ndarray], used: Sequence[np.ndarray]
-) -> np.ndarray:
-    return np.vstack(
-        [
-            whitened(model.coefficients / scale, c)[settled_rows(v, model.order)]
-            for c, v in zip(columns, used, strict=True)
+            whitened(model.coefficients / scale, x)[settled_rows(v, model.order)]
+            for x, v in zip(signals, used, strict=True)
         ]
     )
 
@@ -287,7 +270,12 @@ def white_rows(
     """Residual of a joint after the waves of ``fit``, whitened, over the angle φ = c·q."""
     used = [settled_rows(s.used[:, joint], fit.noise.order) for s in series]
     return WhiteRows(
-        _white_rows(fit.noise, fit.scale, fit.left, [s.used[:, joint] for s in series]),
+        _white_rows(
+            fit.noise,
+            fit.scale,
+            [left - fit.noise.mean for left in fit.left],
+            [s.used[:, joint] for s in series],
+        ),
         np.concatenate([(s.q @ coefficients)[v] for s, v in zip(series, used, strict=True)]),
         np.concatenate(
             [(s.dq @ coefficients)[v] / s.rate for s, v in zip(series, used, strict=True)]

@@ -193,11 +193,11 @@ def _full_rate(
 ) -> Method:
     """The method with signals at the full sampling rate."""
     made = method_named(method)
-    refused = ExperimentError(
-        f"{made.label} has no payload variant", advice="use piv, iv-full-rate or ls for the load"
-    )
     if not made.handles.payload:
-        raise refused
+        raise ExperimentError(
+            f"{made.label} has no payload variant",
+            advice="use piv, iv-full-rate or ls for the load",
+        )
     return replace(made, signals=RandomWalk()) if isinstance(made.signals, Decimated) else made
 
 

@@ -7,7 +7,7 @@ The file has both records, the one without load under ``[recording]`` and the on
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -77,7 +77,7 @@ def load_of(
             loaded,
             chosen,
             link=given.link,
-            known=_known(given),
+            known=KnownParts(**{f.name: getattr(given, f.name) for f in fields(KnownParts)}),
             frame=_frame(given),
             friction_under_load=given.friction_under_load,
             progress=progress,
@@ -96,18 +96,6 @@ def _method(experiment: Experiment, name: str | None) -> Method:
     if name is None:
         name = WITHOUT_LOOP if experiment.content.controller is None else WITH_LOOP
     return experiment.methods([name])[name]
-
-
-def _known(given: LoadEntry) -> KnownParts:
-    """Known parts of the load in the table."""
-    return KnownParts(
-        given.mass,
-        given.mass_std,
-        given.center_of_mass,
-        given.center_of_mass_std,
-        given.inertia,
-        given.inertia_std,
-    )
 
 
 def _frame(given: LoadEntry) -> Pose | None:

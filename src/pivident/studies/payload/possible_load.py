@@ -103,8 +103,7 @@ def _whitened(load: LoadEstimate) -> tuple[np.ndarray, np.ndarray]:
         keep = np.eye(10) - lost @ lost.T
         spread = keep @ spread @ keep
     variances, directions = np.linalg.eigh(spread)
-    count = 10 - lost.shape[1]
-    determined = np.arange(10) >= 10 - count
+    determined = np.arange(10) >= lost.shape[1]
     if lost.size:
         directions[:, ~determined] = lost
     lengths = np.where(determined, np.sqrt(np.maximum(variances, 1e-20)), 1.0)
