@@ -203,7 +203,7 @@ def diagnostics_with(loop_error: float, direct_error: float, reference: str = "r
         held_out=[SimpleNamespace(prediction=1, failure="")],
         identification=SimpleNamespace(loop=SimpleNamespace(reference=reference)),
     )
-    return SimpleNamespace(out_of_sample=SimpleNamespace(results={"piv": judged}))
+    return SimpleNamespace(validations={"piv": judged})
 
 
 def test_a_simulated_loop_that_misses_half_the_torque_is_a_reservation():

@@ -34,6 +34,7 @@ from pivident.judgement.diagnostics.ranges import block_ranges, friction_ranges
 from pivident.judgement.diagnostics.slight_terms import LeftOut, left_out
 from pivident.judgement.diagnostics.trials import Trial, consequences, tried
 from pivident.judgement.model_errors.named_causes import ModelErrors, named_causes
+from pivident.judgement.validation.held_out.cross_validation import CrossValidation
 from pivident.judgement.validation.held_out.folds import JudgedMotion
 from pivident.judgement.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
 from pivident.judgement.validation.instrument_tests import (
@@ -101,6 +102,11 @@ class Diagnostics(Displayed):
             return self.out_of_sample.recommended
         converged = [name for name, i in self.identifications.items() if i.converged]
         return (converged or list(self.identifications))[-1]
+
+    @property
+    def validations(self) -> Mapping[str, CrossValidation]:
+        """Results on held-out motion by short name; empty where nothing was held out."""
+        return {} if self.out_of_sample is None else self.out_of_sample.results
 
 
 def diagnose(
@@ -198,7 +204,7 @@ def _diagnose(
     tested = replace(diagnose_one(identifications, attempts), out_of_sample=out_of_sample)
     name = tested.recommended
     own = identifications[name]
-    validation = None if out_of_sample is None else out_of_sample.results.get(name)
+    validation = tested.validations.get(name)
     others = Baselines()
     if validation is not None and motion is not None and not is_ratio(own.torque_scale):
         failed, count = "The estimate is compared with nothing else", validation.blocks or folds
@@ -244,8 +250,7 @@ def _ranges(
     tested: Diagnostics, causes: ModelErrors | None
 ) -> dict[str, tuple[ParameterRange, ...]]:
     """Ranges of all results that were judged, and over friction laws of the recommended one."""
-    judged = {} if tested.out_of_sample is None else tested.out_of_sample.results
-    ranges = {name: block_ranges(own) for name, own in judged.items()}
+    ranges = {name: block_ranges(own) for name, own in tested.validations.items()}
     if causes is not None:
         name = tested.recommended
         by_law = friction_ranges(tested.identifications[name], causes)

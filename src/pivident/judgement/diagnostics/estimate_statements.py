@@ -242,12 +242,9 @@ def _negative(robot: Robot, negative: Sequence[NegativeParameter]) -> Iterator[s
 
 def identified_law(result: Identification) -> list[Finding]:
     """What was found in the control law beside its gains; no reservation."""
-    return [Finding("note", "law", "found", text) for text in _law_notes(result)]
-
-
-def _law_notes(result: Identification) -> tuple[str, ...]:
     found = None if result.loop is None else result.loop.identified
-    return () if found is None else found.notes
+    notes = () if found is None else found.notes
+    return [Finding("note", "law", "found", text) for text in notes]
 
 
 def is_restated(warning: Finding) -> bool:

@@ -46,8 +46,8 @@ WORSE = 1.5
 
 def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """How well unseen motion is predicted."""
-    compared = diagnostics.out_of_sample
-    if compared is None or name not in compared.results:
+    judged = diagnostics.validations.get(name)
+    if judged is None:
         misses = 100.0 * float(diagnostics.identifications[name].relative_error)
         yield Finding(
             "warning",
@@ -59,7 +59,6 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
             basis=f"torque error {percent(misses)}",
         )
         return
-    judged = compared.results[name]
     error, fitted = judged.prediction, judged.training
     worst = int(np.argmax(error.relative_in_band))
     basis = (
@@ -104,8 +103,7 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
 
 def unexplained(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """Joints whose held-out error is large, mostly no noise, and has no named cause."""
-    compared, found = diagnostics.out_of_sample, diagnostics.model_errors
-    judged = None if compared is None else compared.results.get(name)
+    judged, found = diagnostics.validations.get(name), diagnostics.model_errors
     if judged is None or any(trial.wins for trial in diagnostics.trials):
         return
     named = {one.cause.subject for one in (() if found is None else found.matter)}
@@ -141,8 +139,7 @@ def unmeasured_forces(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     no sensor measures, or one that is measured in another frame than described.
     """
     robot = diagnostics.identifications[name].robot
-    compared = diagnostics.out_of_sample
-    judged = None if compared is None else compared.results.get(name)
+    judged = diagnostics.validations.get(name)
     if judged is None or not robot.base_joints:
         return
     e, base = judged.prediction, slice(0, robot.base_joints)
@@ -172,20 +169,16 @@ def unmeasured_forces(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
 
 def simulated_positions(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """How near a fitted simulation comes to positions that were not fitted."""
-    compared = diagnostics.out_of_sample
-    judged = None if compared is None else compared.results.get(name)
+    judged = diagnostics.validations.get(name)
     found = None if judged is None else judged.simulation
     if judged is None or found is None or diagnostics.identifications[name].simulation is None:
         return
-    each = zip(found.joint_names, found.position, found.units, strict=True)
+    each = list(zip(found.joint_names, found.position, found.units, strict=True))
     values = ", ".join(f"{joint} {format_significant(x)} {unit}" for joint, x, unit in each)
     text = (
         f"Rms error of the positions simulated in {found.loop} loop on {judged.motion}: {values}."
     )
-    evidence = {
-        joint: Quantity(float(x), unit)
-        for joint, x, unit in zip(found.joint_names, found.position, found.units, strict=True)
-    }
+    evidence = {joint: Quantity(float(x), unit) for joint, x, unit in each}
     yield Finding("ok", "simulation", "held out", text, evidence=evidence)
 
 
@@ -214,8 +207,7 @@ def _missed_joints(judged: CrossValidation) -> Iterator[Finding]:
 
 def simulated_loop(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """Whether the loop that makes the instruments is far from the machine's, and why."""
-    compared = diagnostics.out_of_sample
-    judged = None if compared is None else compared.results.get(name)
+    judged = diagnostics.validations.get(name)
     if judged is None:
         return
     diverged = [h.failure for h in judged.held_out if h.prediction is not None and h.failure]

@@ -202,8 +202,7 @@ def summary_of(
         reservations: statements that are reservations.
     """
     result = diagnostics.identifications[name]
-    compared = diagnostics.out_of_sample
-    judged = None if compared is None else compared.results.get(name)
+    judged = diagnostics.validations.get(name)
     by_name = {use.name: use for use in judged_uses}
     values, torques = by_name["parameters"], by_name["torque"]
     rows = parameter_rows(result)

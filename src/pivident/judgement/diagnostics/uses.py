@@ -86,8 +86,7 @@ def uses(diagnostics: Diagnostics, name: str) -> tuple[Use, ...]:
 
 def torque(diagnostics: Diagnostics, name: str) -> Use:
     """Feed-forward and collision detection: torque on motion that was not fitted."""
-    result, compared = diagnostics.identifications[name], diagnostics.out_of_sample
-    judged = None if compared is None else compared.results.get(name)
+    result, judged = diagnostics.identifications[name], diagnostics.validations.get(name)
     if not result.converged:
         return Use("torque", "no", "the iteration did not converge")
     if judged is None or judged.training_only:

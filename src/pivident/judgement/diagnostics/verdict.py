@@ -218,11 +218,9 @@ def _verdict(diagnostics: Diagnostics, attempts: Attempts) -> Verdict:
     for make, given in makers.items():
         about = f"Nothing is said about {make.__name__.replace('_', ' ')}"
         statements += attempts.of(about, _listed, make, *given, otherwise=())
-    compared = diagnostics.out_of_sample
-    judged = {} if compared is None else compared.results
     held_out = {
         key: attempts.of("Held-out errors are not stored", HeldOutErrors.of, one)
-        for key, one in judged.items()
+        for key, one in diagnostics.validations.items()
         if not one.training_only
     }
     failed = "No motion is designed for what is open"

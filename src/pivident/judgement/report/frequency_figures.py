@@ -48,7 +48,6 @@ def bandpass_figure(signals: Bandpass, names: Sequence[str], rate: float, method
     cutoff = float(cutoffs.max())
     frequency = _frequencies(0.01 * cutoff, rate)
     plot = _bode("gain [dB re 1, 1/s, 1/s²]")
-    phases = ("0°", "90°", "180°")
     for n, name in enumerate(("q", "dq", "ddq")):
         response = bandpass_response(frequency, rate, cutoff, signals.order, n)
         line = {"color": colour(method), "width": 1.8, "dash": _DASHES[n]}
@@ -73,8 +72,10 @@ def bandpass_figure(signals: Bandpass, names: Sequence[str], rate: float, method
         f"{format_significant(peaks[1])} Hz for ddq"
         f"{' of the highest cut-off' if np.ptp(cutoffs) else ''}. Grey: ideal derivatives."
     )
-    label = f"Bode plot of the band-pass from measured position to q, dq, ddq. {note} "
-    label += f"Phases are {', '.join(phases)}."
+    label = (
+        f"Bode plot of the band-pass from measured position to q, dq, ddq. {note} Phases are 0°, "
+        "90°, 180°."
+    )
     return Figure(plot, 420, "Positions to derivatives", label, note)
 
 

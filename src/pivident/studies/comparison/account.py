@@ -95,11 +95,11 @@ def render_page(comparison: ComparedResults) -> str:
         "unrated": [joint.name for joint in comparison.friction if not joint.rated],
     }
     shown = {"friction": content["figures"], "torque": comparison.torques}
-    sections = []
-    for key, heading in HEADINGS.items():
-        if shown.get(key, True):
-            body = environment.get_template(f"compare_{key}.html").render(content)
-            sections.append((key, heading, Markup(body)))
+    sections = [
+        (key, heading, Markup(environment.get_template(f"compare_{key}.html").render(content)))
+        for key, heading in HEADINGS.items()
+        if shown.get(key, True)
+    ]
     robots = ", ".join(dict.fromkeys(e.robot.name for e in comparison.entries))
     return page_of(environment, f"{robots}: {len(comparison.entries)} results compared", sections)
 

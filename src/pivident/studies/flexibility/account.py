@@ -37,10 +37,15 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
         agreement=agreement_lines(found),
         stiffness=_stiffness,
     )
-    sections = [("summary", "Results", Markup(body))]
-    for number, (name, one) in enumerate(zip(names, found, strict=True), start=1):
-        body_of_joint = template.render(parts=parts_of(one), figures=_figures(one))
-        sections.append((f"joint-{number}", name, Markup(body_of_joint)))
+    joints = [
+        (
+            f"joint-{number}",
+            name,
+            Markup(template.render(parts=parts_of(one), figures=_figures(one))),
+        )
+        for number, (name, one) in enumerate(zip(names, found, strict=True), start=1)
+    ]
+    sections = [("summary", "Results", Markup(body)), *joints]
     return page_of(environment, "Flexible joints", sections)
 
 

@@ -222,9 +222,14 @@ def render_page(study: FrictionStudy, title: str | None = None) -> str:
     )
     sections = [("summary", "What was seen", Markup(summary))]
     template = environment.get_template("friction_joint.html")
-    for number, joint in enumerate(study.joints, start=1):
-        body = template.render(joint=joint, figures=joint_figures(joint))
-        sections.append((f"joint-{number}", joint.name, Markup(body)))
+    sections += [
+        (
+            f"joint-{n}",
+            joint.name,
+            Markup(template.render(joint=joint, figures=joint_figures(joint))),
+        )
+        for n, joint in enumerate(study.joints, start=1)
+    ]
     if study.ripple is not None:
         drawn = {j.name: ripple_figures(j) for j in study.ripple.joints}
         body = environment.get_template("friction_ripple.html").render(

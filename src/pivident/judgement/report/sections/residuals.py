@@ -116,10 +116,12 @@ class SpectraSection(SignalSection):
 
     def context(self) -> dict[str, Any]:
         """One gallery per method with signals."""
-        galleries = []
-        for k, identification in enumerate(self.data.identifications):
-            spectra = [own for own in residual_spectra(identification) if own is not None]
-            galleries.append(self.gallery(k, *(spectra_figure(own, k) for own in spectra)))
+        galleries = [
+            self.gallery(
+                k, *(spectra_figure(own, k) for own in residual_spectra(i) if own is not None)
+            )
+            for k, i in enumerate(self.data.identifications)
+        ]
         return {"galleries": galleries, "several": self.data.several, "fitted": self.data.fitted}
 
 

@@ -110,29 +110,27 @@ class SimulationSection(Section):
 
     def context(self) -> dict[str, Any]:
         """One entry for each such method."""
-        entries: list[dict[str, Any]] = []
-        for k, identification in enumerate(self.data.identifications):
-            simulation = identification.simulation
-            if simulation is None:
-                continue
-            entries.append(
-                {
-                    "label": self.data.labels[k],
-                    "method": k,
-                    "opened": self.opened(k),
-                    "heading": simulation_heading(simulation),
-                    "torques": bool(np.isfinite(simulation.torque_rms).any()),
-                    "weighted": bool(simulation.noise_orders),
-                    "joints": _joints(identification, simulation),
-                    "parameters": [(p, parameter_texts(p)) for p in simulation.loop_parameters],
-                    "held": held_lines(simulation),
-                    "compared_to": float(identification.options.get("bandwidth", np.nan)),
-                    "gallery": self._gallery(k, identification, simulation),
-                }
-            )
-        last = max(entry["method"] for entry in entries)
-        for entry in entries:
-            entry["opened"] = entry["method"] == last
+        simulated = [
+            (k, i, i.simulation)
+            for k, i in enumerate(self.data.identifications)
+            if i.simulation is not None
+        ]
+        entries = [
+            {
+                "label": self.data.labels[k],
+                "method": k,
+                "opened": k == simulated[-1][0],
+                "heading": simulation_heading(simulation),
+                "torques": bool(np.isfinite(simulation.torque_rms).any()),
+                "weighted": bool(simulation.noise_orders),
+                "joints": _joints(identification, simulation),
+                "parameters": [(p, parameter_texts(p)) for p in simulation.loop_parameters],
+                "held": held_lines(simulation),
+                "compared_to": float(identification.options.get("bandwidth", np.nan)),
+                "gallery": self._gallery(k, identification, simulation),
+            }
+            for k, identification, simulation in simulated
+        ]
         return {"entries": entries, "several": len(entries) > 1}
 
     def _gallery(

@@ -185,12 +185,11 @@ def render_page(judgement: Judgement) -> str:
         "programs": fleet.store.programs(),
         "identity": toml_lines(fleet.template.identity),
     }
-    sections = []
-    for key, heading in HEADINGS.items():
-        if key == "logs" and not content["failures"]:
-            continue
-        body = environment.get_template(f"fleet_{key}.html").render(content)
-        sections.append((key, heading, Markup(body)))
+    sections = [
+        (key, heading, Markup(environment.get_template(f"fleet_{key}.html").render(content)))
+        for key, heading in HEADINGS.items()
+        if key != "logs" or content["failures"]
+    ]
     counts = f"{plural(len(fleet.robots), 'robot')}, {plural(len(fleet.logs), 'log')}"
     return page_of(environment, f"{fleet.template.experiment.title}: {counts}", sections)
 

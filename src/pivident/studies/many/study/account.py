@@ -77,10 +77,11 @@ def render_page(
         "merit": "Figures of merit on a second motion",
         "provenance": "Provenance",
     }
-    sections = []
-    for key, heading in headings.items():
-        template = environment.get_template(f"study_{key}.html")
-        sections.append((key, heading, Markup(template.render(figures=figures[key], **content))))
+    templates = {key: environment.get_template(f"study_{key}.html") for key in headings}
+    sections = [
+        (key, heading, Markup(templates[key].render(figures=figures[key], **content)))
+        for key, heading in headings.items()
+    ]
     return page_of(environment, f"Study {summary.scenario}: {summary.runs} runs", sections)
 
 
