@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import inf, nan
 from typing import Any, NamedTuple
 
@@ -226,12 +226,11 @@ def _warnings(
     return tuple(noticed)
 
 
-def _many_turns(problem: Problem) -> list[Finding]:
+def _many_turns(problem: Problem) -> Iterator[Finding]:
     """Joints without limits that turn further than any arm would, as degrees taken for radians do.
 
     Positions beyond limits are refused when a recording is read.
     """
-    found = []
     for j, joint in enumerate(problem.robot.joints):
         span = max(float(np.ptp(recording.q[:, j])) for recording in problem.recordings)
         if joint.kind == "revolute" and joint.position_limits is None and span > MAX_SPAN:
@@ -244,10 +243,7 @@ def _many_turns(problem: Problem) -> list[Finding]:
                 "give its position_limits (<limit> in a URDF)."
             )
             evidence = {"span": Quantity(span, "rad", bound=MAX_SPAN)}
-            found.append(
-                Finding("warning", "units", "many turns", text, joint.name, step, evidence)
-            )
-    return found
+            yield Finding("warning", "units", "many turns", text, joint.name, step, evidence)
 
 
 def _link_torques(robot: Robot) -> list[Finding]:

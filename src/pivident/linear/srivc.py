@@ -33,7 +33,7 @@ of the others (back-fitting).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -314,26 +314,26 @@ def unstable_poles(data: SampledData, refined: Refined) -> np.ndarray:
     return refined.reflected[refined.reflected.real > 1.0 / data.duration]
 
 
-def _warnings(data: SampledData, denominators: Sequence[np.ndarray], refined: Refined) -> list[str]:
+def _warnings(
+    data: SampledData, denominators: Sequence[np.ndarray], refined: Refined
+) -> Iterator[str]:
     """Possible faults of the estimate, in sentences."""
-    found = []
     if not refined.converged:
-        found.append(
+        yield (
             "The iteration did not converge; lower the orders or give svf_pole near the bandwidth."
         )
     if refined.reflected.size:
-        found.append(
+        yield (
             "A pole slower than the record was reflected to the stable side; if the system "
             "integrates, identify from the integral of the input."
         )
     fastest = max(float(np.abs(np.roots(a)).max()) for a in denominators)
     if fastest > np.pi / data.dt:
-        found.append(
+        yield (
             f"A pole at {fastest:.4g} rad/s lies beyond the Nyquist frequency of "
             f"{np.pi / data.dt:.4g} rad/s: a sampling period is {fastest * data.dt:.3g} of its "
             "time constants. Sample faster, or lower denominator_order."
         )
-    return found
 
 
 def _undetermined(structure: Structure, theta: np.ndarray, covariance: np.ndarray) -> list[str]:

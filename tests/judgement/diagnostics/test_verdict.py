@@ -223,7 +223,7 @@ def test_a_simulated_loop_that_misses_half_the_torque_is_a_reservation():
 
 def test_predictions_that_are_farther_off_than_none_are_an_error():
     diagnosed = diagnostics_with(2.0, 2.5)
-    judged = diagnosed.out_of_sample.results["piv"]
+    judged = diagnosed.validations["piv"]
     judged.prediction.total_in_band, judged.prediction.total_moving_in_band = 153.0, 150.0
     said = next(prediction(diagnosed, "piv"))
     assert (said.severity, said.kind) == ("error", "predicts nothing")
@@ -234,7 +234,7 @@ def test_predictions_that_are_farther_off_than_none_are_an_error():
 
 def test_a_loop_that_cannot_be_simulated_is_a_reservation():
     diagnosed = diagnostics_with(0.0, 2.0)
-    judged = diagnosed.out_of_sample.results["piv"]
+    judged = diagnosed.validations["piv"]
     judged.replay = None
     judged.held_out[0].failure = "the loop cannot be simulated with this estimate: it diverges"
     (said,) = simulated_loop(diagnosed, "piv")
@@ -270,7 +270,7 @@ def test_many_uncertainties_of_one_law_are_one_statement():
 
 def test_a_joint_that_a_small_error_of_all_joints_hides_is_named():
     diagnosed = diagnostics_with(2.0, 2.5)
-    judged = diagnosed.out_of_sample.results["piv"]
+    judged = diagnosed.validations["piv"]
     (said,) = prediction(diagnosed, "piv")
     assert "is 2.0 %; the largest of a joint is 3.0 %, wrist." in said.message
     assert said.evidence["largest of a joint"].value == 3.0

@@ -55,6 +55,6 @@ def test_without_limits_and_masses_standard_errors_are_ratios_only():
     ],
 )
 def test_limits_beyond_the_description_are_noted(given, words):
-    notes = wider_than_described(PLANAR, joint_limits(PLANAR, {"elbow": given}))
+    notes = list(wider_than_described(PLANAR, joint_limits(PLANAR, {"elbow": given})))
     assert len(notes) == bool(words)
     assert not words or notes[0].startswith(words)

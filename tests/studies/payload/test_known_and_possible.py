@@ -92,7 +92,7 @@ def noisy(seed: int, scale: float = 1.0) -> LoadEstimate:
 )
 def test_torques_that_contradict_what_was_declared_say_so(known, kinds):
     by_torques = LoadEstimate(TRUE, np.diag((1e-3 * NATURAL) ** 2), NONE, "test")
-    found = contradicted(known, by_torques)
+    found = list(contradicted(known, by_torques))
     assert [f.kind for f in found] == kinds
     assert all("standard errors" in f.message or "x 30" in f.message for f in found)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -149,27 +150,26 @@ def _ratio(found: GainsOfExperiment, joint: int, reference: int) -> tuple[float,
     return value * scale, std * abs(scale)
 
 
-def _sentences(found: GainsOfExperiment) -> list[str]:
+def _sentences(found: GainsOfExperiment) -> Iterator[str]:
     """What is known, what is not, and what would make it known."""
     result = found.gains
     share = f"{100 * result.known_within:.0f} %"
-    said = []
     for group in result.groups:
         names = [result.joints[m] for m in group.motors]
         if group.anchored:
             means = [] if found.payload is None else [f"the payload of {found.payload.mass:g} kg"]
             means += [f"the trusted {name}" for name in found.trusted]
-            said.append(
+            yield (
                 f"Known: the gains of {', '.join(names)}, by {' and '.join(means)}: an error of "
                 "1 % in that is one of 1 % in these gains and in all masses by them."
             )
         elif len(names) == 1:
-            said.append(
+            yield (
                 f"Not known: the gain of {names[0]}. No other joint determines it to within "
                 f"±{share}; {_remedy(found, names[0])}"
             )
         else:
-            said.append(
+            yield (
                 f"Known: {_known_ratios(found, group)}. "
                 f"Not known: the common scale of {', '.join(names)}; "
                 f"{_remedy(found, 'one of them')}"
@@ -180,14 +180,13 @@ def _sentences(found: GainsOfExperiment) -> list[str]:
         if result.residual[j] > 1.25 * own
     ]
     if worse:
-        said.append(
+        yield (
             f"The rows do not agree well on common parameters: {', '.join(worse)}. Intervals do "
             "not contain such model error in full; look for a "
             "wrong geometry, load-dependent friction or a payload other than declared."
         )
-    said += result.warnings
-    said.append(f"Estimated by {result.method}; intervals allow for correlated residuals.")
-    return said
+    yield from result.warnings
+    yield f"Estimated by {result.method}; intervals allow for correlated residuals."
 
 
 def _known_ratios(found: GainsOfExperiment, group: GainGroup) -> str:

@@ -7,7 +7,7 @@ a residual that is correlated and of changing variance, but not below those of a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -210,21 +210,19 @@ def _variances(columns: np.ndarray, residual: np.ndarray) -> np.ndarray:
     return np.maximum(np.diag(robust), np.diag(white)) / scale**2
 
 
-def diagnostics_of(law: JointLaw) -> list[str]:
+def diagnostics_of(law: JointLaw) -> Iterator[str]:
     """What has to be said about a law."""
-    out = []
     if law.relative_error > 0.1:
-        out.append(
+        yield (
             f"The law found for joint {law.name!r} leaves {100 * law.relative_error:.2g} % of its "
             "output unexplained; take its gains as nominal."
         )
-    out += [
+    yield from [
         f"{term} of joint {law.name!r} is {plus_minus(gain, 2 * std)}: this record hardly "
         "determines it."
         for term, gain, std in zip(law.terms, law.gains, law.std, strict=True)
         if std > 0.5 * abs(gain)
     ]
-    return out
 
 
 def controller_table(found: IdentifiedLaw) -> str:

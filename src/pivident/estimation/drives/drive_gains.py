@@ -11,7 +11,7 @@ not regressors, with instruments from the simulated loop where the control law i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -194,14 +194,12 @@ def identify_drive_gains(
     )
 
 
-def _of_drives(groups: Sequence[GainGroup], base: int) -> list[GainGroup]:
+def _of_drives(groups: Sequence[GainGroup], base: int) -> Iterator[GainGroup]:
     """Groups without the rows of a measured base, whose gains nobody asks for."""
-    found = []
     for group in groups:
         motors = tuple(m - base for m in group.motors if m >= base)
         if motors:
-            found.append(GainGroup(motors, group.anchored, max(group.reference - base, motors[0])))
-    return found
+            yield GainGroup(motors, group.anchored, max(group.reference - base, motors[0]))
 
 
 def _check_rows(sums: Sequence[Sequence[JointSums]]) -> None:

@@ -238,9 +238,8 @@ RATES = FindingKind(RECORDINGS, "rates")
 PURPOSE = {"validation": "judged on", "payload": "with the load", "gains": "with the payload"}
 
 
-def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Finding]:
+def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> Iterator[Finding]:
     """Runs that appear twice, and runs of different rates."""
-    findings: list[Finding] = []
     for k, (place, second) in enumerate(recordings):
         for other, first in recordings[:k]:
             if not _same_motion(first, second):
@@ -255,29 +254,24 @@ def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Find
                 )
             elif purpose is not None and place[0] != other[0]:
                 step = f"The record {purpose} must be another run; name its file."
-            findings.append(
-                SAME_RUN.finding(
-                    "error",
-                    f"{here} is the same motion as {there} ({', '.join(_files(second))}).",
-                    second.name,
-                    step,
-                    place=(*place, "files"),
-                    repairs=[Repair((Edit(place),), "Remove this run.")],
-                )
+            yield SAME_RUN.finding(
+                "error",
+                f"{here} is the same motion as {there} ({', '.join(_files(second))}).",
+                second.name,
+                step,
+                place=(*place, "files"),
+                repairs=[Repair((Edit(place),), "Remove this run.")],
             )
             break
     rates = {recording.rate for _, recording in recordings}
     if len(rates) > 1 and max(rates) > 1.5 * min(rates):
         listed = ", ".join(f"{r.name} {r.rate:.5g} Hz" for _, r in recordings)
-        findings.append(
-            RATES.finding(
-                "warning",
-                f"The recordings have different rates: {listed}.",
-                next_step="This is allowed; check that all come from the same loop.",
-                place=(*recordings[-1][0], "rate"),
-            )
+        yield RATES.finding(
+            "warning",
+            f"The recordings have different rates: {listed}.",
+            next_step="This is allowed; check that all come from the same loop.",
+            place=(*recordings[-1][0], "rate"),
         )
-    return findings
 
 
 def _same_motion(first: Recording, second: Recording) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -86,12 +86,10 @@ def _without(plain: dict[str, Any], locations: Sequence[Sequence[int | str]]) ->
     return rest
 
 
-def _options(experiment: Experiment) -> list[Remark]:
+def _options(experiment: Experiment) -> Iterator[Remark]:
     """Options of single methods that they do not have, or that contradict each other."""
-    remarks = []
     for name in experiment.content.identify.with_tables:
         try:
             method_of(name, experiment.content.identify)
         except PividentError as error:
-            remarks.append(of_error(error, "file", ("identify", name)))
-    return remarks
+            yield of_error(error, "file", ("identify", name))

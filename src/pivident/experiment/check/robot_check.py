@@ -70,7 +70,7 @@ def check_robot(robot: Robot, model: str) -> list[Finding]:
     return findings
 
 
-def check_bodies(robot: Robot, file: str) -> list[Finding]:
+def check_bodies(robot: Robot, file: str) -> Iterator[Finding]:
     """Links whose masses and inertias no body has.
 
     Whatever uses the masses of a description has to say this, not only the check of an experiment.
@@ -81,7 +81,6 @@ def check_bodies(robot: Robot, file: str) -> list[Finding]:
     """
     tree = robot.on_fixed_base.tree
     masses = np.array([link.inertia[INERTIAL.index("m")] for link in tree.links])
-    findings = []
     for k, (joint, link) in enumerate(zip(tree.joints, tree.links, strict=True)):
         own = [*_body(joint, link, file)]
         others = float(masses.sum() - masses[k])
@@ -94,8 +93,7 @@ def check_bodies(robot: Robot, file: str) -> list[Finding]:
             step = "A decimal point may be lost, or it is in grams; masses are in kg."
             evidence = {"mass": Quantity(float(masses[k]), "kg"), "others": Quantity(others, "kg")}
             own = [_finding("warning", "heavy", text, step, joint.name, evidence)]
-        findings += own
-    return findings
+        yield from own
 
 
 def _finding(

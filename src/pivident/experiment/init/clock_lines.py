@@ -5,7 +5,7 @@ When the joints move.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -27,43 +27,37 @@ PER_STEP, MAX_MULTIPLE = 4, 64
 
 def clock_lines(
     clock: LogClock, others: Mapping[str, OwnClock], given: float | None = None
-) -> list[Assumption]:
+) -> Iterator[Assumption]:
     """Rate and resampling; ``given``: a rate that somebody said [Hz]."""
-    lines = []
     correct = "In Hz; every speed and acceleration depends on it."
     if given is not None:
         if not (clock.by_rate or clock.resample or others):
             with concerning("rate"):
                 check_rate(given, clock.seconds)
-        lines.append(Assumption("recording", "rate", given, "certain", "as given", correct))
+        yield Assumption("recording", "rate", given, "certain", "as given", correct)
     elif clock.by_rate:
         question = None
         if clock.sure == "assumed":
             question = Question("rate", "At what rate was the log taken, in Hz?")
         rate = float(f"{clock.rate:.8g}")
-        lines.append(
-            Assumption("recording", "rate", rate, clock.sure, clock.seen, correct, question)
-        )
+        yield Assumption("recording", "rate", rate, clock.sure, clock.seen, correct, question)
     elif others:
         positions = clock_rate(clock.seconds)
-        lines.append(
-            Assumption(
-                "recording", "rate", _common_rate(positions, others.get("tau")), "likely",
-                "new samples are made at the rate of the positions, or of the torques where these "
-                "are slower; without this line they are made at that of the slowest channel "
-                f"({_listed(others)})",
-                "In Hz.",
-            )
+        yield Assumption(
+            "recording", "rate", _common_rate(positions, others.get("tau")), "likely",
+            "new samples are made at the rate of the positions, or of the torques where these "
+            "are slower; without this line they are made at that of the slowest channel "
+            f"({_listed(others)})",
+            "In Hz.",
         )  # fmt: skip
     elif clock.resample and (found := clock_rate(clock.seconds)).nominal is not None:
         seen = f"{found}; new samples are made at that rate"
-        lines.append(Assumption("recording", "rate", found.nominal, "likely", seen, "In Hz."))
+        yield Assumption("recording", "rate", found.nominal, "likely", seen, "In Hz.")
     if clock.resample or others:
         seen = f"{_listed(others)} by clocks of their own, so that all channels are interpolated"
         if clock.resample:
             seen = f"the clock is irregular ({clock.seen}), so that samples are interpolated"
-        lines.append(Assumption("recording", "resample", True, "certain", seen))
-    return lines
+        yield Assumption("recording", "resample", True, "certain", seen)
 
 
 def control_rate_line(clock: LogClock, step: float) -> list[Assumption]:

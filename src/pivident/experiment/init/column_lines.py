@@ -247,31 +247,23 @@ def unit_lines(
     own: Sequence[int],
     torque: TorqueUnit | None,
     besides: Mapping[str, tuple[Any, str]],
-) -> list[Assumption]:
+) -> Iterator[Assumption]:
     """Unit of every channel."""
-    lines = []
     if clock.column is not None:
-        lines.append(Assumption("recording.units", "t", clock.unit, clock.sure, clock.seen))
+        yield Assumption("recording.units", "t", clock.unit, clock.sure, clock.seen)
     mine = AssumedUnits(tuple(unit.units[j] for j in own), unit.sure, unit.seen)
     question = None
     if unit.sure == "assumed":
         question = Question("unit of q", "In what unit are the angles?", ("rad", "deg"))
     correct = '"rad", "deg", "rev", or {unit = "counts", per_revolution = 4096}.'
-    lines.append(
-        Assumption("recording.units", "q", mine.value, mine.sure, mine.seen, correct, question)
-    )
+    yield Assumption("recording.units", "q", mine.value, mine.sure, mine.seen, correct, question)
     if torque is not None:
-        lines.append(
-            Assumption(
-                "recording.units", "tau", torque.value, torque.sure, torque.seen, torque.correct,
-                torque.question,
-            )
+        yield Assumption(
+            "recording.units", "tau", torque.value, torque.sure, torque.seen, torque.correct,
+            torque.question,
         )  # fmt: skip
-    lines += [
-        Assumption("recording.units", name, value, "likely", seen)
-        for name, (value, seen) in besides.items()
-    ]
-    return lines
+    for name, (value, seen) in besides.items():
+        yield Assumption("recording.units", name, value, "likely", seen)
 
 
 def measured_speeds(

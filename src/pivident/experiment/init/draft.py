@@ -88,23 +88,21 @@ def control_lines(found: RecordingLines, findings: Findings, answers: Answers) -
         lines.append(Assumption("controller", "type", None, "likely", seen, example=example))
     seen = "least squares beside instrumental variables, whose difference is the bias of the "
     seen += "loop; the verdict says which to take"
-    return lines + _methods(findings, ("ls", "iv-full-rate", "piv"), seen)
+    return [*lines, *_methods(findings, ("ls", "iv-full-rate", "piv"), seen)]
 
 
-def _methods(findings: Findings, names: Sequence[str], seen: str) -> list[Assumption]:
+def _methods(findings: Findings, names: Sequence[str], seen: str) -> Iterator[Assumption]:
     """Lines of ``[identify]`` and ``[validation]``: those of some methods that work."""
-    lines = []
     methods = [m for m in names if m not in findings.failed]
     if findings.instruments:
         seen += f". Instruments: {findings.instruments}"
     if findings.failed:
         seen += ". " + ". ".join(f"{m} is left out: {why}" for m, why in findings.failed.items())
-    lines.append(Assumption("identify", "methods", methods, "likely", seen))
+    yield Assumption("identify", "methods", methods, "likely", seen)
     if findings.folds is not None:
         seen = "the record is too short, or its rate too low, for more blocks of held-out motion"
         seen += "; 0: errors are those of the fitted motion"
-        lines.append(Assumption("validation", "folds", findings.folds, "certain", seen))
-    return lines
+        yield Assumption("validation", "folds", findings.folds, "certain", seen)
 
 
 def _known_law(found: RecordingLines, answers: Answers) -> list[Assumption]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from pivident.data.logs.log import Log
@@ -34,9 +36,8 @@ UNEXPLAINED = 0.3
 PAIRS = (("dq", "q"), ("dq_ref", "q_ref"), ("ddq_ref", "dq_ref"))
 
 
-def check_speeds(log: Log, timing: Timing) -> tuple[Finding, ...]:
+def check_speeds(log: Log, timing: Timing) -> Iterator[Finding]:
     """Compare every logged derivative with the derivative of the channel it belongs to."""
-    findings = []
     for derivative, channel in PAIRS:
         if derivative not in log.channels or channel not in log.channels or not timing.rate:
             continue
@@ -48,8 +49,7 @@ def check_speeds(log: Log, timing: Timing) -> tuple[Finding, ...]:
             if np.ptp(x[:, j]) > STILL:
                 compared = compare(x[:, j], dx[:, j], timing.rate)
                 if compared is not None:
-                    findings.append(_finding(f"{derivative} of {name}", channel, compared, timing))
-    return tuple(findings)
+                    yield _finding(f"{derivative} of {name}", channel, compared, timing)
 
 
 def compare(x: np.ndarray, dx: np.ndarray, rate: float) -> tuple[float, float, float] | None:

@@ -5,7 +5,7 @@ An audit as files: ``audit.json``, and one HTML page in the look of the report.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -84,9 +84,8 @@ def grid_figure(audit: Audit) -> Figure | None:
     return Figure(plot, 280, "Quantisation", f"Levels of {len(grids)} quantised signals", note)
 
 
-def steps_figures(audit: Audit) -> list[Figure]:
+def steps_figures(audit: Audit) -> Iterator[Figure]:
     """Some samples of each quantised position and torque where it moves, as they are."""
-    figures = []
     for grid in audit.quantisation.grids:
         values = audit.log.signals().get(grid.name)
         if values is None or not np.isfinite(grid.step) or grid.name.partition(" of ")[0] != "q":
@@ -101,8 +100,7 @@ def steps_figures(audit: Audit) -> list[Figure]:
         drawn = _lines(sample, steps, METHOD_COLOURS[2], shape="hv")
         plot = audit_plot("steps", "sample", [drawn])
         label = f"Slow part of {grid.name} in steps of {grid.step:.4g}"
-        figures.append(Figure(plot, 220, grid.name, label, f"one step is {grid.step:.4g}"))
-    return figures
+        yield Figure(plot, 220, grid.name, label, f"one step is {grid.step:.4g}")
 
 
 def torque_speed_figures(audit: Audit) -> list[Figure]:

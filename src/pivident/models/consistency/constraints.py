@@ -22,7 +22,7 @@ use them, since they are no knowledge of the machine.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -98,18 +98,19 @@ def make_constraints(
     bounds: Bounds | None = None,
 ) -> tuple[Constraint, ...]:
     """All conditions."""
-    made = _real_bodies(robot, standard, reference)
-    made += _positive_forms(robot, standard, reference)
-    made += _dissipative(robot, standard, reference)
     declared = _declared(robot, standard, reference, bounds or Bounds())
-    return (*made, *(replace(c, is_declared=True) for c in declared))
+    return (
+        *_real_bodies(robot, standard, reference),
+        *_positive_forms(robot, standard, reference),
+        *_dissipative(robot, standard, reference),
+        *(replace(c, is_declared=True) for c in declared),
+    )
 
 
 def _real_bodies(
     robot: Robot, standard: Sequence[Parameter], reference: Reference
-) -> list[Constraint]:
+) -> Iterator[Constraint]:
     """P̃ - Ẽ ≥ 0 of each link, on the scale of its reference, and m ≥ m_b; see `least_body`."""
-    made = []
     links = [robot.tree.links[i].name for i in body_links(robot)]
     for i, place in enumerate(link_places(robot, standard)):
         matrix = np.zeros((10, len(standard)))
@@ -117,11 +118,10 @@ def _real_bodies(
         least, lightest = least_body(float(reference.diameters[i]))
         offset = -triangle(reference.scaled(i, least))
         name = links[i]
-        made += [
+        yield from [
             Constraint(name, REAL_BODY, "semidefinite", 4, matrix, offset),
             _at_least(name, LEAST_MASS, place[9:], lightest, reference),
         ]
-    return made
 
 
 def _positive_forms(
@@ -171,14 +171,12 @@ def coupled_joints(robot: Robot) -> list[tuple[int, ...]]:
 
 def _dissipative(
     robot: Robot, standard: Sequence[Parameter], reference: Reference
-) -> list[Constraint]:
+) -> Iterator[Constraint]:
     """Non-negative friction levels and rotor inertias."""
-    made = []
     for k, p in enumerate(standard):
         if p.is_dissipative:
             name, kind = robot.tree.joints[p.joint].name, f"{p.name} not negative"
-            made.append(_at_least(name, kind, np.array([k]), 0.0, reference))
-    return made
+            yield _at_least(name, kind, np.array([k]), 0.0, reference)
 
 
 def _at_least(
@@ -193,15 +191,14 @@ def _at_least(
 
 def _declared(
     robot: Robot, standard: Sequence[Parameter], reference: Reference, bounds: Bounds
-) -> list[Constraint]:
+) -> Iterator[Constraint]:
     """The user's bounds."""
     places = link_places(robot, standard)
-    made = []
     for name, interval in bounds.mass.items():
         mass = places[place_of_link(robot, name), 9:]
-        made += mass_interval(name, "mass", interval, mass, reference)
+        yield from mass_interval(name, "mass", interval, mass, reference)
     if bounds.total_mass is not None:
-        made += mass_interval(TOTAL, "total mass", bounds.total_mass, places[:, 9], reference)
+        yield from mass_interval(TOTAL, "total mass", bounds.total_mass, places[:, 9], reference)
     for name, box in bounds.center_of_mass.items():
         place = places[place_of_link(robot, name)]
         if len(box) != 3:
@@ -210,7 +207,7 @@ def _declared(
                 advice=f"it has {len(box)}",
             )
         for axis, interval in enumerate(box):
-            made += _box(name, axis, interval, place, len(standard), reference)
+            yield from _box(name, axis, interval, place, len(standard), reference)
     for name, (center, axes) in bounds.ellipsoid.items():
         place = places[place_of_link(robot, name)]
         c, a = np.asarray(center, float), np.asarray(axes, float)
@@ -225,12 +222,9 @@ def _declared(
         matrix[1:, place[6:9]] = np.diag(1.0 / a)
         matrix[1:, place[9]] = -c / a
         matrix /= reference.scales[place[9]]
-        made.append(
-            Constraint(
-                name, "centre of mass in its ellipsoid", "second_order", 4, matrix, np.zeros(4)
-            )
+        yield Constraint(
+            name, "centre of mass in its ellipsoid", "second_order", 4, matrix, np.zeros(4)
         )
-    return made
 
 
 def mass_interval(
@@ -261,12 +255,11 @@ def _box(
     place: np.ndarray,
     size: int,
     reference: Reference,
-) -> list[Constraint]:
+) -> Iterator[Constraint]:
     """Lowest · m ≤ h ≤ highest · m."""
     label = "xyz"[axis]
     _check(name, f"center_of_mass {label}", interval)
     scale = reference.scales[place[6]]
-    made = []
     for bound, sign, words in zip(interval, (1.0, -1.0), ("at least", "at most"), strict=True):
         if bound is None:
             continue
@@ -274,8 +267,7 @@ def _box(
         matrix[0, place[6 + axis]] = sign / scale
         matrix[0, place[9]] = -sign * bound / scale
         kind = f"centre of mass {label} {words} {bound:g} m"
-        made.append(Constraint(name, kind, "nonnegative", 1, matrix, np.zeros(1)))
-    return made
+        yield Constraint(name, kind, "nonnegative", 1, matrix, np.zeros(1))
 
 
 def _check(subject: str, what: str, interval: Interval) -> None:
@@ -353,11 +345,10 @@ def _sizes(
 
 def _masses(
     robot: Robot, standard: Sequence[Parameter], reference: Reference, declared: Bounds
-) -> list[Constraint]:
+) -> Iterator[Constraint]:
     """Bounds of every mass and of their total."""
     places = link_places(robot, standard)
     own = {place_of_link(robot, name) for name in declared.mass}
-    made: list[Constraint] = []
     names = [robot.tree.links[i].name for i in body_links(robot)]
     masses = reference.values[places[:, 9]]
     mounted = MOUNTED * float(masses.sum())
@@ -365,12 +356,11 @@ def _masses(
         if i not in own:
             factor = MAX_ASSUMED_FACTOR if reference.assumed[i] else MAX_FACTOR
             least, most = masses[i] / factor, max(masses[i] * factor, masses[i] + mounted)
-            made += mass_interval(names[i], "mass", (least, most), place[9:], reference)
+            yield from mass_interval(names[i], "mass", (least, most), place[9:], reference)
     if declared.total_mass is None and not own:
         factors = np.where(reference.assumed, MAX_ASSUMED_TOTAL_FACTOR, MAX_TOTAL_FACTOR)
         total = float((masses / factors).sum()), float((masses * factors).sum())
-        made += mass_interval(TOTAL, "total mass", total, places[:, 9], reference)
-    return made
+        yield from mass_interval(TOTAL, "total mass", total, places[:, 9], reference)
 
 
 def total_at_its_limit(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import gzip
 import io
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -125,9 +125,7 @@ def _largest(term: FrictionTerm, joint: Joint, speed: float) -> float:
     return float(np.abs(friction_column(term, np.linspace(-speed, speed, 2001), q)).max())
 
 
-def _dry_friction(
-    model: RunnableModel, name: str, left_out: Mapping[str, float]
-) -> tuple[str, ...]:
+def _dry_friction(model: RunnableModel, name: str, left_out: Mapping[str, float]) -> Iterator[str]:
     """How the file's dry friction, with its sharp sign, differs from the model's."""
     smooth, elastic = [], []
     for p, value in zip(model.parameters, model.values, strict=True):
@@ -145,18 +143,16 @@ def _dry_friction(
             # 90 % of the level: (2/π) atan(6.3), tanh(1.5)
             speed = (6.31 if p.friction.smoothing == "atan" else 1.47) / gamma
             smooth.append(f"{p.name} {abs(part):.3g} {torque} ({speed:.2g} {unit}/s)")
-    sentences = []
     if smooth:
-        sentences.append(
+        yield (
             f"dry friction has a sharp sign in {name}; in the model it is smoothed, with nine "
             f"tenths of its level at the speed given here: {', '.join(smooth)}"
         )
     if elastic:
-        sentences.append(
+        yield (
             f"{name} has no elastic displacement before friction slips; after a reversal its "
             f"friction reaches its level immediately: {', '.join(elastic)}"
         )
-    return tuple(sentences)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib import resources
 
@@ -353,9 +353,8 @@ def _unpacked(program: Assignments, argument: Input, names: Mapping, place) -> l
     ]
 
 
-def _assignments(program: Assignments, names: Mapping[Expression, str]) -> list[str]:
+def _assignments(program: Assignments, names: Mapping[Expression, str]) -> Iterator[str]:
     """Statements for the variables; sine and cosine of one angle are computed together."""
-    lines = []
     paired: set[Expression] = set()
     circular = {(type(v), v.operands[0]): v for v in program.variables if _is_circular(v)}
     texts = expression_texts(program.variables, _C, names)
@@ -363,7 +362,7 @@ def _assignments(program: Assignments, names: Mapping[Expression, str]) -> list[
         if variable in paired:
             continue
         if not _is_circular(variable):
-            lines.append(f"const double {names[variable]} = {text};")
+            yield f"const double {names[variable]} = {text};"
             continue
         angle = variable.operands[0]
         both = [circular.get((kind, angle)) for kind in (Sine, Cosine)]
@@ -371,11 +370,10 @@ def _assignments(program: Assignments, names: Mapping[Expression, str]) -> list[
         places = [names[v] if v is not None else f"{names[variable]}_other" for v in both]
         argument = expression_texts([angle], _C, names)[0] if angle.operands else names[angle]
         argument = names.get(angle, argument)
-        lines += [
+        yield from [
             f"double {places[0]}, {places[1]};",
             f"sine_and_cosine({argument}, &{places[0]}, &{places[1]});",
         ]
-    return lines
 
 
 def _is_circular(node: Expression) -> bool:

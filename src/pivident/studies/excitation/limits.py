@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -147,24 +147,23 @@ def joint_limits(
     return limits
 
 
-def wider_than_described(robot: Robot, limits: JointLimits) -> list[str]:
+def wider_than_described(robot: Robot, limits: JointLimits) -> Iterator[str]:
     """One sentence for each limit that goes beyond the one of the description.
 
     Args:
         robot: the robot.
         limits: of its joints.
     """
-    notes = []
     for j, joint in enumerate(robot.joints):
         if (own := joint.position_limits) is not None and (
             limits.low[j] < own[0] or limits.high[j] > own[1]
         ):
-            notes.append(
+            yield (
                 f"The range of {joint.name} is wider than that of the description: "
                 f"{limits.low[j]:g} to {limits.high[j]:g} {joint.position_unit} against "
                 f"{own[0]:g} to {own[1]:g}."
             )
-        notes += [
+        yield from [
             f"The limit of the {words} of {joint.name} is higher than that of the "
             f"description: {used:g} against {known:g} {unit}."
             for words, used, known, unit in (
@@ -173,7 +172,6 @@ def wider_than_described(robot: Robot, limits: JointLimits) -> list[str]:
             )
             if known is not None and np.isfinite(used) and used > known
         ]
-    return notes
 
 
 def _check_known(robot: Robot, ranges: list[tuple[float, float] | None], speed: np.ndarray) -> None:

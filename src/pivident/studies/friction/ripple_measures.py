@@ -6,7 +6,7 @@ Spectra of a joint's residual over all its angles: orders, lag, most significant
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -235,9 +235,8 @@ def named_findings(
     spectrum: OrderSpectrum,
     named: Sequence[NamedOrder],
     cycles: float,
-) -> list[NamedFinding]:
+) -> Iterator[NamedFinding]:
     """Test of each named order by itself, without a search over orders."""
-    found = []
     revolute = robot.joints[joint].kind == "revolute"
     visible = spectrum.smallest_visible() if spectrum.orders.size else np.empty(0)
     for wanted in named:
@@ -254,15 +253,12 @@ def named_findings(
                         else f"fewer than {cycles:g} cycles visited"
                     )
             if unseen:
-                found.append(NamedFinding(wanted, order, math.nan, math.nan, math.nan, unseen))
+                yield NamedFinding(wanted, order, math.nan, math.nan, math.nan, unseen)
                 continue
-            found.append(
-                NamedFinding(
-                    wanted, order, float(spectrum.amplitude[k]), float(visible[k]),
-                    spectrum.single(k), "",
-                )
+            yield NamedFinding(
+                wanted, order, float(spectrum.amplitude[k]), float(visible[k]),
+                spectrum.single(k), "",
             )  # fmt: skip
-    return found
 
 
 def highest_order(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -46,7 +46,7 @@ def refuse_negative(load: LoadEstimate) -> None:
 
 def warnings_about(
     load: LoadEstimate, arm: Identification, change: np.ndarray, converged: bool, iterations: int
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """Reservations about this load.
 
     Args:
@@ -56,17 +56,16 @@ def warnings_about(
         converged: whether the iteration converged.
         iterations: number of estimates.
     """
-    found = []
     if not converged:
         text = (
             f"Not converged after {iterations} estimates; the load may still change by more than "
             "its standard errors."
         )
-        found.append(Finding("error", "iteration", "not converged", text))
+        yield Finding("error", "iteration", "not converged", text)
     if not arm.converged:
         text = "The arm without load did not converge."
         step = "Look at its identification first."
-        found.append(Finding("error", "arm", "not converged", text, next_step=step))
+        yield Finding("error", "arm", "not converged", text, next_step=step)
     mass = Quantity(
         load.mass, "kg", interval=(load.mass - 2 * load.mass_std, load.mass + 2 * load.mass_std)
     )
@@ -76,14 +75,14 @@ def warnings_about(
             "not significantly different from zero, and so it has no centre of mass."
         )
         step = "Check that the loaded record is one with the load."
-        found.append(Finding("warning", "load", "not seen", text, "", step, {"mass": mass}))
+        yield Finding("warning", "load", "not seen", text, "", step, {"mass": mass})
     elif load.is_seen and load.mass < 10.0 * load.mass_std:
         text = (
             "The mass is known to worse than 20 % (2σ): intervals of the centre of mass are "
             "Fieller's and asymmetric."
         )
         step = "Weigh the load and give its mass, or move it faster."
-        found.append(Finding("warning", "load", "imprecise", text, "", step, {"mass": mass}))
+        yield Finding("warning", "load", "imprecise", text, "", step, {"mass": mass})
     worst = int(np.argmax(np.abs(change)))
     if abs(change[worst]) > ARM_DIFFERS:
         text = (
@@ -92,8 +91,7 @@ def warnings_about(
             "as mounting, temperature, tool or the link that carries it."
         )
         evidence = {"change": Quantity(float(abs(change[worst])), "σ", bound=ARM_DIFFERS)}
-        found.append(Finding("warning", "arm", "differs", text, arm.names[worst], "", evidence))
-    return found
+        yield Finding("warning", "arm", "differs", text, arm.names[worst], "", evidence)
 
 
 def scale_sentence(recordings: Sequence[Recording]) -> str:
@@ -144,14 +142,13 @@ def disagreement(masses: JointMasses | None) -> list[Finding]:
     return [Finding("warning", "load", "joints disagree", text, "", step, evidence)]
 
 
-def contradicted(known: KnownParts, found: LoadEstimate) -> list[Finding]:
+def contradicted(known: KnownParts, found: LoadEstimate) -> Iterator[Finding]:
     """Warnings where the torques alone give another load than what was declared of it.
 
     Args:
         known: what was declared.
         found: the load by the torques, without what was declared, in the same frame.
     """
-    warnings = []
     if known.mass is not None and found.determined[9] and found.is_seen:
         spread = float(np.hypot(found.mass_std, known.mass_std))
         apart = abs(found.mass - known.mass)
@@ -166,7 +163,7 @@ def contradicted(known: KnownParts, found: LoadEstimate) -> list[Finding]:
                 "gains: an error that they share is one of the mass."
             )
             evidence = {"mass": Quantity(found.mass, "kg"), "declared": Quantity(known.mass, "kg")}
-            warnings.append(Finding("warning", "load", "other mass", text, "", step, evidence))
+            yield Finding("warning", "load", "other mass", text, "", step, evidence)
     if known.center_of_mass is not None and found.is_seen and found.determined[9]:
         declared, centre = np.asarray(known.center_of_mass, float), found.center_of_mass
         spread = np.hypot(found.center_of_mass_std, known.center_of_mass_std)
@@ -180,8 +177,7 @@ def contradicted(known: KnownParts, found: LoadEstimate) -> list[Finding]:
             )
             text = f"The torques alone give another centre of mass than the declared one: {axes}."
             step = "Check the drawing, the frame that it is given in, and how the load is mounted."
-            warnings.append(Finding("warning", "load", "other centre", text, "", step))
-    return warnings
+            yield Finding("warning", "load", "other centre", text, "", step)
 
 
 def worse_explained(arm: Identification, rms_errors: np.ndarray) -> list[Finding]:

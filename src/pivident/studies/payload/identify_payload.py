@@ -150,8 +150,10 @@ def identify_payload(
     own = unknowns.friction_part
     change = _arm_change(unknowns, solution, moved)
     relative_errors, rms_errors = records.errors(solution.theta)
-    warnings = warnings_about(load, arm, change, converged, iterations)
-    warnings += disagreement(masses)
+    warnings = [
+        *warnings_about(load, arm, change, converged, iterations),
+        *disagreement(masses),
+    ]
     if known.mass is not None or known.center_of_mass is not None:
         bare = arm_and_load(
             arm, problem, carrier, KnownParts(), frame or Pose.identity(), friction_under_load

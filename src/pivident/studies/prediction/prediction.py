@@ -9,7 +9,7 @@ does not have.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,9 +122,8 @@ def range_exits(
 
 def exit_findings(
     robot: Robot, fitted: MotionRange, exits: tuple[RangeExit, ...], error: np.ndarray | None
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """What each means; ``error``: τ - Φθ on the same samples, shape (samples, joints), or None."""
-    findings = []
     for one in exits:
         j = robot.joint_names.index(one.joint)
         unit, torque = ("rad", "N m") if robot.joints[j].kind == "revolute" else ("m", "N")
@@ -151,8 +150,7 @@ def exit_findings(
                 f"{format_significant(inside)} {torque}."
             )
         evidence = {"samples outside": Quantity(100 * one.share, "%")}
-        findings.append(Finding("warning", "range", "left", text, evidence=evidence))
-    return findings
+        yield Finding("warning", "range", "left", text, evidence=evidence)
 
 
 @dataclass(frozen=True, eq=False)
