@@ -8,7 +8,7 @@ dense form (samples, joints, parameters) is filled from it.
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -77,7 +77,7 @@ class Regressor(Displayed):
             raise UnusableValue(
                 f"{robot!r} has closed loops", advice="use regressor_of(robot, parameters)"
             )
-        candidates = _possible_entries(robot, parameters)
+        candidates = list(_possible_entries(robot, parameters))
         everything = cls._from_entries(robot, tuple(parameters), candidates)
         if not probed:
             return everything
@@ -389,14 +389,12 @@ def _time_last(signal: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(signal.T, dtype=float)
 
 
-def _possible_entries(robot: Robot, parameters: Sequence[Parameter]) -> list[tuple[int, int]]:
+def _possible_entries(robot: Robot, parameters: Sequence[Parameter]) -> Iterator[tuple[int, int]]:
     """(joint, parameter) pairs that the tree allows to be non-zero."""
-    entries: list[tuple[int, int]] = []
     for c, p in enumerate(parameters):
         if p.is_inertial:
-            entries.extend((j, c) for j in robot.ancestors(p.joint))
+            yield from ((j, c) for j in robot.ancestors(p.joint))
         elif p.coupling is not None:
-            entries.extend(((p.coupling.joint, c), (p.coupling.motor, c)))
+            yield from ((p.coupling.joint, c), (p.coupling.motor, c))
         else:
-            entries.append((p.joint, c))
-    return entries
+            yield p.joint, c

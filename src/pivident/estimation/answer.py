@@ -130,7 +130,7 @@ def loop_warnings(problem: Problem, estimate: Estimate, used: InstrumentsUsed) -
     """Reservations about the instruments."""
     loop = simulated_loop(problem, used)
     if loop is None:
-        return _without_loop(used)
+        return list(_without_loop(used))
     notes, warnings = law_findings(loop)
     known = [*notes]
     if loop.reconstructed or loop.reference == "smoothed":
@@ -146,15 +146,13 @@ def loop_warnings(problem: Problem, estimate: Estimate, used: InstrumentsUsed) -
     return known
 
 
-def _without_loop(used: InstrumentsUsed) -> list[Finding]:
+def _without_loop(used: InstrumentsUsed) -> Iterator[Finding]:
     """Reservations about instruments from the record itself."""
-    known = []
     if used.instead_of:
-        known.append(Finding("warning", "loop", "not simulated", used.instead_of))
+        yield Finding("warning", "loop", "not simulated", used.instead_of)
     if used.shares_noise:
         text = f"The instruments may be biased: {used.shares_noise}."
-        known.append(Finding("warning", "instruments", "share noise", text))
-    return known
+        yield Finding("warning", "instruments", "share noise", text)
 
 
 def _tested(problem: Problem, estimate: Estimate) -> list[Finding]:

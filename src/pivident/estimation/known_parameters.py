@@ -6,7 +6,7 @@ the normal equations.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import Annotated, Any
@@ -146,7 +146,7 @@ class KnownParameters:
         with concerning("bounds"):
             limits = _by_name(base, bounds, _bounds)
         with concerning("priors"):
-            expected = _priors(base, priors)
+            expected = tuple(_priors(base, priors))
         with concerning("constraints"):
             equations = tuple(_equality(base, each) for each in _sequence(constraints))
         for name in values.keys() & limits.keys():
@@ -279,7 +279,7 @@ def _bounds(name: str, value: Any) -> tuple[float, float]:
     return pair
 
 
-def _priors(base: BaseParameters, given: Priors) -> tuple[Prior, ...]:
+def _priors(base: BaseParameters, given: Priors) -> Iterator[Prior]:
     if isinstance(given, Mapping):
         found = []
         for name, value in given.items():
@@ -299,7 +299,6 @@ def _priors(base: BaseParameters, given: Priors) -> tuple[Prior, ...]:
             size = np.array([[_number(name, std) ** 2]])
             found.append(Prior((name,), np.array([_number(name, mean)]), size))
         given = found
-    own = []
     for prior in [given] if isinstance(given, Prior) else _sequence(given):
         if not isinstance(prior, Prior):
             raise ExperimentError(f"{prior!r} is no prior", advice="give Prior(names, mean, …)")
@@ -307,8 +306,7 @@ def _priors(base: BaseParameters, given: Priors) -> tuple[Prior, ...]:
         names = tuple(base.names[parameter_index(base, name)] for name in prior.names)
         if len(set(names)) < len(names):
             raise ExperimentError(f"a prior names {listed(names)}", advice="name each one once")
-        own.append(Prior(names, prior.mean, prior.covariance))
-    return tuple(own)
+        yield Prior(names, prior.mean, prior.covariance)
 
 
 def _equality(base: BaseParameters, given: Any) -> Equality:

@@ -6,7 +6,7 @@ A fitted simulation as plain text: its errors joint by joint, and the unknowns o
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -68,15 +68,13 @@ def simulation_heading(simulation: SimulationResult) -> str:
     return f"Simulation in closed loop, from the reference; compared: {compared}"
 
 
-def held_lines(simulation: SimulationResult) -> list[str]:
+def held_lines(simulation: SimulationResult) -> Iterator[str]:
     """Sentences about parameters that were held, and those at a bound."""
-    lines = []
     if simulation.held:
         names = listed(simulation.held)
-        lines.append(f"Held, since the compared signals do not determine them: {names}.")
+        yield f"Held, since the compared signals do not determine them: {names}."
     if simulation.at_bound:
-        lines.append(f"At a bound, interval of one side: {listed(simulation.at_bound)}.")
-    return lines
+        yield f"At a bound, interval of one side: {listed(simulation.at_bound)}."
 
 
 def weights_line(simulation: SimulationResult) -> str:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -128,7 +129,7 @@ def model_values(model: RunnableModel) -> dict[str, Any]:
             }
             for k, (p, value) in enumerate(zip(model.parameters, model.values, strict=True))
         ],
-        "base_parameters": _base_values(model),
+        "base_parameters": list(_base_values(model)),
         "robot": robot_values(robot_with_values(model)),
     }
     return plain(content)
@@ -224,7 +225,7 @@ def _link_values(model: RunnableModel, joint: int) -> dict[str, Any]:
     }
 
 
-def _base_values(model: RunnableModel) -> list[dict[str, Any]]:
+def _base_values(model: RunnableModel) -> Iterator[dict[str, Any]]:
     """Every base parameter: its value here, and the free estimate with its interval."""
     found: dict[str, tuple[float, float]] = {}
     if model.estimate is not None:
@@ -234,23 +235,17 @@ def _base_values(model: RunnableModel) -> list[dict[str, Any]]:
         model.base.names, model.base.expressions, model.base.parameters, model.base_values,
         strict=True,
     )  # fmt: skip
-    values = []
     for name, group, p, value in rows:
         estimate, std = found.get(name, (math.nan, math.nan))
         spread = 1.959963984540054 * std
-        values.append(
-            {
-                "name": name,
-                "group": group,
-                "value": float(value),
-                "estimate": estimate,
-                "interval": (estimate - spread, estimate + spread)
-                if math.isfinite(spread)
-                else None,
-                "unit": p.unit,
-            }
-        )
-    return values
+        yield {
+            "name": name,
+            "group": group,
+            "value": float(value),
+            "estimate": estimate,
+            "interval": (estimate - spread, estimate + spread) if math.isfinite(spread) else None,
+            "unit": p.unit,
+        }
 
 
 #: The format from which pivident reads a model back.

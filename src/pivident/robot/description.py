@@ -152,7 +152,7 @@ class Robot(Printed):
             RobotDescriptionError: a free-flyer, spherical, planar or other joint that has not one
                 degree of freedom about or along a fixed axis; names the joint and the next step.
         """
-        found = model_joints(model)
+        found = tuple(model_joints(model))
         robot = cls(
             name=str(getattr(model, "name", "")) or "pinocchio model",
             joints=tuple(

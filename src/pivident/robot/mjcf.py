@@ -139,8 +139,8 @@ def _constraints(
     still = {names.index(name): at for name, at in held.items()}
     moving = [k for k in range(len(names)) if k not in still]
     order = {k: i for i, k in enumerate(moving)}
-    linear = linear_constraints(equalities.proportions, names, order, still)
-    return closures(equalities.meetings, places, still), linear
+    linear = list(linear_constraints(equalities.proportions, names, order, still))
+    return list(closures(equalities.meetings, places, still)), linear
 
 
 def _refuse_passive(passive: Sequence[str] | None) -> None:

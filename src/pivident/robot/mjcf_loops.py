@@ -16,7 +16,7 @@ which joints have none.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -196,7 +196,7 @@ def _tendon_terms(model: Any, tendon: int) -> tuple[dict[int, float], float]:
 
 def closures(
     meetings: Sequence[Meeting], ends: Mapping[int, tuple[int, Pose]], held: Mapping[int, float]
-) -> list[Closure]:
+) -> Iterator[Closure]:
     """Meetings of two moving links.
 
     Args:
@@ -207,12 +207,11 @@ def closures(
     Raises:
         RobotDescriptionError: frames of one link that do not meet.
     """
-    made: list[Closure] = []
     for one in meetings:
         (first, before), (second, after) = (ends[body] for body in one.bodies)
         frames = before @ one.frames[0], after @ one.frames[1]
         if first != second:
-            made.append(Closure(one.name, (first, second), frames, one.kind))
+            yield Closure(one.name, (first, second), frames, one.kind)
             continue
         apart = float(np.linalg.norm(frames[0].translation - frames[1].translation))
         turned = float(np.abs(frames[0].rotation - frames[1].rotation).max())
@@ -225,7 +224,6 @@ def closures(
                 "moves",
                 advice="freeze them at positions where it is closed" if held else "",
             )
-    return made
 
 
 def linear_constraints(
@@ -233,7 +231,7 @@ def linear_constraints(
     names: Sequence[str],
     order: Mapping[int, int],
     held: Mapping[int, float],
-) -> list[LinearConstraint]:
+) -> Iterator[LinearConstraint]:
     """Proportions of moving joints; a follower that stands still takes its constraint along.
 
     Args:
@@ -245,7 +243,6 @@ def linear_constraints(
     Raises:
         RobotDescriptionError: a joint that follows others which stand still.
     """
-    made: list[LinearConstraint] = []
     for one in proportions:
         moving = [k for k in one.joints if k in order]
         if not moving or one.follower in held:
@@ -261,8 +258,7 @@ def linear_constraints(
         for k in moving:
             ratios[order[k]] = one.ratios[k]
         rest = sum(one.ratios[k] * held[k] for k in one.joints if k in held)
-        made.append(LinearConstraint(one.name, ratios, one.offset - rest))
-    return made
+        yield LinearConstraint(one.name, ratios, one.offset - rest)
 
 
 def closed_mjcf(

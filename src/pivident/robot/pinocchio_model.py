@@ -12,6 +12,7 @@ with R, p the placement of the joint in its parent's frame and A_p the turn of t
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -62,7 +63,7 @@ class ModelJoint:
     friction: dict[str, float]
 
 
-def model_joints(model: Any) -> tuple[ModelJoint, ...]:
+def model_joints(model: Any) -> Iterator[ModelJoint]:
     """The joints of a ``pinocchio.Model``, parents before children.
 
     Raises:
@@ -79,7 +80,6 @@ def model_joints(model: Any) -> tuple[ModelJoint, ...]:
             "pivident.robot.read_urdf",
         ) from error
     links = _link_names(model)
-    found: list[ModelJoint] = []
     turns = [np.eye(3)]  # A of the base and of each joint
     for i in range(1, len(names)):
         kind = _kind(str(names[i]), joints[i].shortname())
@@ -88,26 +88,23 @@ def model_joints(model: Any) -> tuple[ModelJoint, ...]:
         back = turns[parent].T
         inertia = from_center_of_mass(body.mass, np.array(body.lever), np.array(body.inertia))
         turns.append(turn)
-        found.append(
-            ModelJoint(
-                name=str(names[i]),
-                link=links.get(i, str(names[i])),
-                kind=kind,
-                parent=parent - 1,
-                rotation=back @ np.array(placement.rotation) @ turn,
-                translation=back @ np.array(placement.translation),
-                inertia=moved(inertia, turn.T, np.zeros(3)),
-                position_limits=_range(model, joints[i]),
-                speed_limit=_limit(model.velocityLimit[joints[i].idx_v]),
-                torque_limit=_limit(model.effortLimit[joints[i].idx_v]),
-                rotor_inertia=_rotor_inertia(model, joints[i].idx_v),
-                friction={
-                    "fv": _element(model, "damping", joints[i].idx_v),
-                    "fc": _element(model, "friction", joints[i].idx_v),
-                },
-            )
+        yield ModelJoint(
+            name=str(names[i]),
+            link=links.get(i, str(names[i])),
+            kind=kind,
+            parent=parent - 1,
+            rotation=back @ np.array(placement.rotation) @ turn,
+            translation=back @ np.array(placement.translation),
+            inertia=moved(inertia, turn.T, np.zeros(3)),
+            position_limits=_range(model, joints[i]),
+            speed_limit=_limit(model.velocityLimit[joints[i].idx_v]),
+            torque_limit=_limit(model.effortLimit[joints[i].idx_v]),
+            rotor_inertia=_rotor_inertia(model, joints[i].idx_v),
+            friction={
+                "fv": _element(model, "damping", joints[i].idx_v),
+                "fc": _element(model, "friction", joints[i].idx_v),
+            },
         )
-    return tuple(found)
 
 
 def _kind(name: str, type_: str) -> Literal["revolute", "prismatic"]:

@@ -16,7 +16,7 @@ A base parameter: a group of standard parameters of which only the sum is felt.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -240,7 +240,7 @@ def closed_form_base_parameters(
     ]
     gravity, constants = named_gravity(robot.gravity, geometry, tolerance)
     names = [Names(robot.label(i), geometry, tolerance) for i in range(robot.size)]
-    local = _all_local_groups(robot, standard, frames, gravity, names)
+    local = list(_all_local_groups(robot, standard, frames, gravity, names))
     shares = _carried_to_heads(robot, standard, frames, local)
     kept = sorted(k for groups in local for k in groups.kept)
     members: dict[int, list[Member]] = {head: [] for head in kept}
@@ -286,7 +286,7 @@ def _all_local_groups(
     frames: list[NamedFrame],
     gravity: np.ndarray,
     names: list[Names],
-) -> list[LocalGroups]:
+) -> Iterator[LocalGroups]:
     """The rules joint by joint, from the base outwards."""
     couplings = [c for c in robot.couplings if c.inertia]
     coupled = sorted({j for c in couplings for j in (c.motor, c.joint)})
@@ -297,7 +297,6 @@ def _all_local_groups(
     base = Reach.of_base(numbers(gravity), len(coupled))
     behind: list[Reach] = []
     directions: list[np.ndarray] = []
-    local = []
     for i, joint in enumerate(robot.joints):
         before = base if joint.parent < 0 else behind[joint.parent]
         frame = frames[i]
@@ -305,9 +304,8 @@ def _all_local_groups(
         above = gravity if joint.parent < 0 else directions[joint.parent]
         directions.append(frame.rotation.T @ above)
         rules = JointRules(robot, i, own[i], reach, directions[i], frames, coupled, names[i])
-        local.append(rules.groups())
+        yield rules.groups()
         behind.append(reach.moved_by(joint.kind, coupled.index(i) if i in coupled else None))
-    return local
 
 
 def _carried_to_heads(

@@ -115,7 +115,7 @@ class ControllerIdentification(Displayed):
     @property
     def notes(self) -> tuple[str, ...]:
         """What a reader should know of the laws' structure, whole sentences."""
-        return gravity_notes([j.name for j in self.joints], [j.gravity for j in self.joints])
+        return tuple(gravity_notes([j.name for j in self.joints], [j.gravity for j in self.joints]))
 
     def __str__(self) -> str:
         return controller_table(self)

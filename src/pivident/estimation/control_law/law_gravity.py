@@ -14,7 +14,7 @@ hardly anything unexplained.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -154,7 +154,9 @@ def gravity_columns(robot: Robot) -> list[GravityColumns]:
     regressor = regressor_of(robot, heads)
     postures = np.random.default_rng(19991231).uniform(-np.pi, np.pi, (POSTURES, robot.size))
     probe = _at_rest(regressor, postures)
-    return [GravityColumns(regressor, j, _independent(probe[:, j])) for j in range(robot.size)]
+    return [
+        GravityColumns(regressor, j, tuple(_independent(probe[:, j]))) for j in range(robot.size)
+    ]
 
 
 def _at_rest(regressor: Regressor, q: np.ndarray) -> np.ndarray:
@@ -163,9 +165,8 @@ def _at_rest(regressor: Regressor, q: np.ndarray) -> np.ndarray:
     return regressor.matrix(q, still, still)
 
 
-def _independent(probe: np.ndarray) -> tuple[int, ...]:
+def _independent(probe: np.ndarray) -> Iterator[int]:
     """Columns that are not combinations of those before them."""
-    kept: list[int] = []
     basis = np.zeros((len(probe), 0))
     for k in range(probe.shape[1]):
         rest = probe[:, k] - basis @ (basis.T @ probe[:, k])
@@ -173,8 +174,7 @@ def _independent(probe: np.ndarray) -> tuple[int, ...]:
         size = np.linalg.norm(rest)
         if size > DEPENDENT * len(probe):
             basis = np.column_stack([basis, rest / size])
-            kept.append(k)
-    return tuple(kept)
+            yield k
 
 
 def best_gravity(
@@ -275,17 +275,15 @@ def gravity_models(
     return {place: GravityModel(robot, m) for place, m in masses.items() if m.any()}
 
 
-def gravity_notes(names: Sequence[str], found: Sequence[JointGravity | None]) -> tuple[str, ...]:
+def gravity_notes(names: Sequence[str], found: Sequence[JointGravity | None]) -> Iterator[str]:
     """Which joints' laws compensate gravity, a sentence for each place where they do.
 
     ``found``: the model of each joint, None where its law has none.
     """
-    notes = []
     for place in PLACES:
         joints = [n for n, own in zip(names, found, strict=True) if own and own.place == place]
         if joints:
-            notes.append(
+            yield (
                 f"The control law of {', '.join(joints)} compensates gravity at the "
                 f"{PLACE_TEXTS[place]}, with a model of its own that was found beside its gains."
             )
-    return tuple(notes)

@@ -18,7 +18,7 @@ halves shows it, and where it exceeds its noise the standard errors are widened 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -177,7 +177,8 @@ class FrequencyDomain(Method):
             variance,
         )
         run = Run(tuple(history), converged)
-        return answer(problem, method, estimate, run, _unexplained(problem, excess), _used(made))
+        warnings = tuple(_unexplained(problem, excess))
+        return answer(problem, method, estimate, run, warnings, _used(made))
 
 
 def _settled(method: FrequencyDomain, recordings: Sequence[Recording]) -> Bandpass:
@@ -290,9 +291,8 @@ def _excess(
     return squares / np.maximum(rows - [s.columns.size for s in sums], 1.0)
 
 
-def _unexplained(problem: Problem, excess: np.ndarray) -> list[Finding]:
+def _unexplained(problem: Problem, excess: np.ndarray) -> Iterator[Finding]:
     """Joints whose residual repeats with the motion."""
-    found = []
     for joint, own in zip(problem.robot.joint_names, excess, strict=True):
         if own > UNEXPLAINED:
             text = (
@@ -302,8 +302,7 @@ def _unexplained(problem: Problem, excess: np.ndarray) -> list[Finding]:
             )
             step = "Look at its residual over a period: friction at reversals, or a flexible joint."
             evidence = {"ratio": Quantity(float(np.sqrt(own)), "", bound=float(UNEXPLAINED**0.5))}
-            found.append(Finding("note", "frequency", "repeats", text, joint, step, evidence))
-    return found
+            yield Finding("note", "frequency", "repeats", text, joint, step, evidence)
 
 
 def _used(made: Sequence[Periods]) -> InstrumentsUsed:

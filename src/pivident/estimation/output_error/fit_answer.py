@@ -150,7 +150,7 @@ def fit_answer(
         weakest=tuple(steps.unknowns[i].name for i in weakest),
         noise=solved.noise,
         errors=tuple(own.errors for own in point.made),
-        white=_white(point, solved),
+        white=tuple(_white(point, solved)),
         rates=tuple(own.rate for own in point.made),
         rms=np.sqrt(np.tensordot(samples, squares, 1) / samples.sum()),
         stretches=tuple(stretches),
@@ -220,12 +220,10 @@ def _covariances(
     return robust, formula, windows
 
 
-def _white(point: Point, solved: WeightedStep) -> tuple[np.ndarray, ...]:
+def _white(point: Point, solved: WeightedStep) -> Iterator[np.ndarray]:
     """A e/√λ of each stretch, NaN where not used."""
-    out = []
     for made in point.made:
         white = whitened_errors(made, solved.noise)
         white /= np.sqrt(solved.noise.variance)[:, :, None]
         white[~made.used] = np.nan
-        out.append(white)
-    return tuple(out)
+        yield white

@@ -268,7 +268,9 @@ def _joined(group: Sequence[AnyFinding]) -> AnyFinding:
         return first
     named = [f"{f.subject} ({f.amount})" if f.amount else f.subject for f in others]
     message = f"{first.message} The same for {', '.join(named)}."
-    return replace(first, message=message, repairs=joined_repairs([f.repairs for f in group]))
+    return replace(
+        first, message=message, repairs=tuple(joined_repairs([f.repairs for f in group]))
+    )
 
 
 def counted(findings: Iterable[Finding]) -> str:

@@ -10,7 +10,7 @@ known:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, ClassVar, Self
 
@@ -301,16 +301,14 @@ def in_unit(channel: str, unit: str) -> Repair:
     return setting("units", channel, value=unit, words=words)
 
 
-def joined_repairs(several: Sequence[Sequence[Repair]]) -> tuple[Repair, ...]:
+def joined_repairs(several: Sequence[Sequence[Repair]]) -> Iterator[Repair]:
     """Repairs of findings that differ in their joints only, each as one for all of them."""
     first, *others = several
-    whole = []
     for k, repair in enumerate(first):
         joined: Repair | None = repair
         for repairs in others:
             joined = joined.joined(repairs[k]) if joined and k < len(repairs) else None
-        whole.append(joined or repair)
-    return tuple(whole)
+        yield joined or repair
 
 
 def _edit_of(content: Mapping[str, Any]) -> Change:

@@ -10,7 +10,7 @@ Before that: joints whose torque no parameters explain, whatever the motion exci
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -243,14 +243,12 @@ class UnexplainedCheck(LogCheck):
         return seen.after(self.name, check_unexplained(seen.model))
 
 
-def check_unexplained(model: InverseModel) -> list[Finding]:
+def check_unexplained(model: InverseModel) -> Iterator[Finding]:
     """Joints whose torque the inverse model does not explain."""
-    findings = []
     for joint, error in zip(model.robot.joints, model.relative_errors, strict=True):
         if not error <= UNEXPLAINED:
             share = "nothing" if not np.isfinite(error) else f"{100 * (1 - error):.3g} %"
             text = f"The inverse model explains {share} of the torque of {joint.name}."
             step = "Check the column, the geometry and the friction law of this joint."
             evidence = {"unexplained": Quantity(100 * float(error), "%", bound=100 * UNEXPLAINED)}
-            findings.append(UNEXPLAINED_TORQUE.finding("warning", text, joint.name, step, evidence))
-    return findings
+            yield UNEXPLAINED_TORQUE.finding("warning", text, joint.name, step, evidence)

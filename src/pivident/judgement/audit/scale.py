@@ -10,7 +10,7 @@ inertia share is a gain: a torque constant, a gear ratio, a sign.
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -157,7 +157,7 @@ def check_scale(log: Log, model: InverseModel, signs_right: Container[int] = ())
     blunt = ~(standard_errors < BLUNT * np.abs(factors))
     factors[blunt] = np.nan
     found = Scale((), factors, standard_errors, likeness, shape)
-    findings = _gain_findings(log, model, found, signs_right)
+    findings = list(_gain_findings(log, model, found, signs_right))
     if any(f.severity != "ok" for f in findings):
         load = flange_load(model, factors)
         commands = [j for j in range(joints) if j in log.commands]
@@ -413,8 +413,7 @@ def share_apart(column: np.ndarray, rest: np.ndarray) -> float:
 
 def _gain_findings(
     log: Log, model: InverseModel, found: Scale, signs_right: Container[int]
-) -> list[Finding]:
-    findings = []
+) -> Iterator[Finding]:
     reduction = np.abs(np.diag(model.robot.transmission.reduction))
     for j, joint in enumerate(model.robot.joints):
         a, standard_error = float(found.factors[j]), float(found.standard_errors[j])
@@ -447,8 +446,7 @@ def _gain_findings(
             "factor": Quantity(a, bound=bound, interval=interval),
             MEDIAN: Quantity(float(np.nanmedian(found.factors)), bound=WARNING),
         }
-        findings.append(GAIN.finding(severity, text, joint.name, step, evidence, repairs=repairs))
-    return findings
+        yield GAIN.finding(severity, text, joint.name, step, evidence, repairs=repairs)
 
 
 def _wrong_body(joint: str, sign_is_right: bool) -> str:

@@ -12,6 +12,7 @@ d_k - v_k. Where the instants tremble, some m are whole by chance: only what sta
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -212,7 +213,7 @@ def check_steps(log: Log, rate: float, stamped: bool) -> list[Finding]:
         return []
     q = np.delete(q, still, axis=1)
     even = even_steps(q) if len(q) >= FEWEST else None
-    findings = _places(log, unsteady_steps(q, clock, even), stamped)
+    findings = list(_places(log, unsteady_steps(q, clock, even), stamped))
     tremble = hidden_jitter(q, even) if stamped or clock is None else 0.0
     if tremble:
         late = Quantity(1e3 * tremble / rate, "ms", bound=1e3 * JITTER_TOLERANCE / rate, digits=2)
@@ -225,9 +226,8 @@ def check_steps(log: Log, rate: float, stamped: bool) -> list[Finding]:
     return findings
 
 
-def _places(log: Log, steps: np.ndarray, stamped: bool) -> list[Finding]:
+def _places(log: Log, steps: np.ndarray, stamped: bool) -> Iterator[Finding]:
     """Findings about lost and repeated samples; steps (places, 2)."""
-    findings = []
     for chosen, kind, words, step in (
         (
             steps[:, 1] >= 1,
@@ -248,16 +248,13 @@ def _places(log: Log, steps: np.ndarray, stamped: bool) -> list[Finding]:
         number, first = int(np.abs(here[:, 1]).sum()), int(here[0, 0])
         share = len(here) / max(len(next(iter(log.channels.values()))), 1)
         text = words.format(n=len(here), m=number)
-        findings.append(
-            kind.finding(
-                "error" if len(here) > 1 or share > 1e-3 else "warning",
-                f"{text}, first after sample {first}.",
-                "q",
-                step.format(s=" although its stamps are regular" if stamped else ""),
-                evidence={
-                    "samples": Quantity(float(number), "samples"),
-                    **at_sample(first, log.time_of(first)),
-                },
-            )
+        yield kind.finding(
+            "error" if len(here) > 1 or share > 1e-3 else "warning",
+            f"{text}, first after sample {first}.",
+            "q",
+            step.format(s=" although its stamps are regular" if stamped else ""),
+            evidence={
+                "samples": Quantity(float(number), "samples"),
+                **at_sample(first, log.time_of(first)),
+            },
         )
-    return findings

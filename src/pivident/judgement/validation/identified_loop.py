@@ -14,7 +14,7 @@ the motion alone; the parallel decimation customarily keeps 2 f_dyn (Gautier, Ja
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -142,7 +142,7 @@ def identified_loop(identification: Identification) -> IdentifiedLoop | None:
         _joint(identification, j, inertias[j], viscous[j], feedbacks[j], float(gains[j]), delay)
         for j in range(n)
     )
-    return IdentifiedLoop(joints, rate, delay, notes=_notes(identification))
+    return IdentifiedLoop(joints, rate, delay, notes=tuple(_notes(identification)))
 
 
 def _viscous_slopes(identification: Identification) -> np.ndarray:
@@ -214,23 +214,19 @@ def _with_inertia(loop: JointLoop, inertia: float) -> JointLoop:
     return JointLoop(inertia, loop.viscous, loop.feedback, loop.drive_gain, loop.delay)
 
 
-def _notes(identification: Identification) -> tuple[str, ...]:
+def _notes(identification: Identification) -> Iterator[str]:
     """What the linear loops leave out."""
     loop = identification.loop
     assert loop is not None
-    notes = []
     if isinstance(loop.controller, PythonController):
-        notes.append(
-            "The controller is a Python function; the loop drawn is that of its linear law."
-        )
+        yield "The controller is a Python function; the loop drawn is that of its linear law."
     if np.isfinite(np.asarray(loop.limit, float)).any():
-        notes.append("The controller's output is limited; the loop drawn is that below the limit.")
+        yield "The controller's output is limited; the loop drawn is that below the limit."
     if loop.reference == "smoothed":
-        notes.append(
+        yield (
             "The law is a virtual one: this is the loop that was simulated, not the machine's. Its "
             "bandwidth says nothing about the motion of the record."
         )
-    return tuple(notes)
 
 
 def disagreement(used: float, wanted: float, spread: float = 0.0, tolerance: float = 1.5) -> int:

@@ -6,7 +6,7 @@ and the tangents carry the sum of what these do.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -148,7 +148,7 @@ class ModelEntries:
 
 def _friction_entries(
     behind: FrictionTable, ahead: FrictionTable, width: float, d: int
-) -> list[tuple[tuple[int, int, int, int, int], float]]:
+) -> Iterator[tuple[tuple[int, int, int, int, int], float]]:
     """Constants of friction that differ between two tables, and their slopes along a direction."""
     tables = (
         (LINEAR, behind.linear, ahead.linear),
@@ -156,11 +156,9 @@ def _friction_entries(
         (PAIR, behind.pair_value, ahead.pair_value),
         (PATH, behind.path_value, ahead.path_value),
     )
-    found = []
     for table, before, after in tables:
         change = (after - before) / width
-        found += [
+        yield from [
             ((row, table, row, column, d), float(change[row, column]))
             for row, column in np.argwhere(change).tolist()
         ]
-    return found

@@ -126,9 +126,8 @@ def _real_bodies(
 
 def _positive_forms(
     robot: Robot, standard: Sequence[Parameter], reference: Reference
-) -> list[Constraint]:
+) -> Iterator[Constraint]:
     """Positive semidefinite matrices of rotor inertia and of viscous friction of coupled joints."""
-    made = []
     for own, coupled, kind in (
         ("ia", "iam", "rotor inertias of coupled motors physically possible"),
         ("fv", "fvm", "viscous friction of coupled motors dissipative"),
@@ -154,10 +153,7 @@ def _positive_forms(
             form = form * np.outer(scale, scale)
             rows = triangle(form)
             subject = " and ".join(robot.tree.joints[j].name for j in joints)
-            made.append(
-                Constraint(subject, kind, "semidefinite", size, rows.T, np.zeros(rows.shape[1]))
-            )
-    return made
+            yield Constraint(subject, kind, "semidefinite", size, rows.T, np.zeros(rows.shape[1]))
 
 
 def coupled_joints(robot: Robot) -> list[tuple[int, ...]]:
@@ -233,19 +229,17 @@ def mass_interval(
     interval: Interval,
     places: np.ndarray,
     reference: Reference,
-) -> list[Constraint]:
+) -> Iterator[Constraint]:
     """Lowest ≤ Σ φ ≤ highest [kg], ``places`` the indices of the masses.
 
     Raises:
         ExperimentError: bounds that are not an interval.
     """
     _check(subject, what, interval)
-    made = []
     for bound, sign, words in zip(interval, (1, -1), ("at least", "at most"), strict=True):
         if bound is not None:
             kind = f"{what} {words} {bound:.4g} kg"
-            made.append(_at_least(subject, kind, places, bound, reference, sign))
-    return made
+            yield _at_least(subject, kind, places, bound, reference, sign)
 
 
 def _box(

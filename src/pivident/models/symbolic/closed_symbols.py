@@ -17,7 +17,7 @@ The equations c(q) = 0 are put into blocks that are solved one after the other. 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -341,11 +341,11 @@ def _along(row: np.ndarray, moved: tuple[Expression, ...]) -> Expression:
     return total
 
 
-def _hints(tree: ModelSymbols, gain: np.ndarray, others: list[int]) -> list[tuple[str, Expression]]:
+def _hints(
+    tree: ModelSymbols, gain: np.ndarray, others: list[int]
+) -> Iterator[tuple[str, Expression]]:
     """Names of positions, speeds and accelerations of dependent joints, of N and γ."""
-    named: list[tuple[str, Expression]] = []
     for i in others:
-        named += [(f"q{i + 1}", tree.q[i]), (f"dq{i + 1}", tree.dq[i])]
-        named += [(f"ddq{i + 1}", tree.ddq[i]), (f"drift{i + 1}", tree.drift[i])]
-        named += [(f"gain{i + 1}_{a + 1}", x) for a, x in enumerate(gain[i])]
-    return named
+        yield from [(f"q{i + 1}", tree.q[i]), (f"dq{i + 1}", tree.dq[i])]
+        yield from [(f"ddq{i + 1}", tree.ddq[i]), (f"drift{i + 1}", tree.drift[i])]
+        yield from [(f"gain{i + 1}_{a + 1}", x) for a, x in enumerate(gain[i])]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -191,7 +191,7 @@ def base_parameter_program(robot: Robot, groups: ClosedFormBaseParameters | None
         elements = list(closed.expressions.values())
     else:
         found = base_parameters(robot)
-        elements = group_expressions(found)
+        elements = list(group_expressions(found))
     symbols = tuple(symbol(p.name) for p in found.standard)
     given = "standard parameters, " + " ".join(p.name for p in found.standard)
     return Program.build(
@@ -208,15 +208,13 @@ def has_closed_form(robot: Robot) -> bool:
     return robot.constraints is None and not robot.base_joints
 
 
-def group_expressions(base: BaseParameters) -> list[Expression]:
+def group_expressions(base: BaseParameters) -> Iterator[Expression]:
     """Base parameters θ_k + K θ_d as expressions in standard ones, K as numbers."""
-    elements = []
     for head, row in zip(base.parameters, base.regrouping.tolist(), strict=True):
         total: Expression = symbol(head.name)
         for k, factor in zip(base.dropped, row, strict=True):
             total = total + factor * symbol(base.standard[k].name)
-        elements.append(total)
-    return elements
+        yield total
 
 
 def nominal_standard_values(robot: Robot) -> np.ndarray:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from typing import Any
@@ -86,13 +86,12 @@ class Comparison(ComparedResults):
 
 def aligned_by_group(
     entries: Sequence[Entry],
-) -> list[tuple[Quantity, tuple[Estimate | None, ...]]]:
+) -> Iterator[tuple[Quantity, tuple[Estimate | None, ...]]]:
     """All quantities that some result estimates, each with what every result says about it.
 
     For results of one machine. The quantities are the base parameters of the first result, then
     those of the others that none before can express.
     """
-    rows: list[tuple[Quantity, tuple[Estimate | None, ...]]] = []
     seen: dict[frozenset[Key], list[Mapping[Key, float]]] = {}
     for entry in entries:
         groups = entry.groups
@@ -103,19 +102,17 @@ def aligned_by_group(
                 continue
             alike.append(row)
             estimates = tuple(estimate_of(other, row) for other in entries)
-            rows.append(((name, unit, expression, row), estimates))
-    return rows
+            yield (name, unit, expression, row), estimates
 
 
 def aligned_by_name(
     entries: Sequence[Entry],
-) -> list[tuple[Quantity, tuple[Estimate | None, ...]]]:
+) -> Iterator[tuple[Quantity, tuple[Estimate | None, ...]]]:
     """The parameters that all results have under one name and in one unit.
 
     For results of different machines, where nothing but the name is common.
     """
     first, *others = entries
-    rows: list[tuple[Quantity, tuple[Estimate | None, ...]]] = []
     groups = first.groups
     columns = zip(groups.names, groups.units, groups.expressions, groups.rows, strict=True)
     for name, unit, expression, row in columns:
@@ -124,8 +121,7 @@ def aligned_by_name(
             name in e.place and u.get(name) == unit for e, u in zip(others, units, strict=True)
         ):
             estimates = tuple(_own(e, e.place[name]) for e in entries)
-            rows.append(((name, unit, expression, row), estimates))
-    return rows
+            yield (name, unit, expression, row), estimates
 
 
 def estimate_of(entry: Entry, row: Mapping[Key, float]) -> Estimate | None:
@@ -227,7 +223,7 @@ def _compared(entries: Sequence[Entry], alpha: float) -> Comparison:
         _check_joint_order(first, entry)
     geometry = [difference_of_geometry(first.robot, e.robot) for e in entries]
     one_machine = not any(geometry)
-    rows = aligned_by_group(entries) if one_machine else aligned_by_name(entries)
+    rows = list(aligned_by_group(entries) if one_machine else aligned_by_name(entries))
     same_record = tuple(k > 0 and share_a_record(first, e) for k, e in enumerate(entries))
     parameters = _judged(rows, same_record)
     comparison = Comparison(
@@ -236,7 +232,7 @@ def _compared(entries: Sequence[Entry], alpha: float) -> Comparison:
         alpha=alpha,
         same_record=same_record,
         one_machine=one_machine,
-        torques=cross_torques(entries) if one_machine else (),
+        torques=tuple(cross_torques(entries)) if one_machine else (),
         friction=friction_curves(entries) if one_machine else (),
         notes=(),
     )

@@ -32,7 +32,7 @@ depend on each other.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -173,9 +173,8 @@ class CrossTorque:
     apart: np.ndarray
 
 
-def cross_torques(entries: Sequence[Entry]) -> tuple[CrossTorque, ...]:
+def cross_torques(entries: Sequence[Entry]) -> Iterator[CrossTorque]:
     """One for each result that holds the sums or the signals of its record."""
-    found = []
     for k, entry in enumerate(entries):
         identification = entry.identification
         if identification is None:
@@ -194,8 +193,7 @@ def cross_torques(entries: Sequence[Entry]) -> tuple[CrossTorque, ...]:
             step = theirs - own
             error[j] = sums.relative_error(theirs)
             apart[j] = math.sqrt(max(float(step @ sums.gram @ step), 0.0) / sums.square)
-        found.append(CrossTorque(k, error, apart))
-    return tuple(found)
+        yield CrossTorque(k, error, apart)
 
 
 def _in_groups_of(entry: Entry, other: Entry) -> np.ndarray | None:

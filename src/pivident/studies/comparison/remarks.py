@@ -63,15 +63,14 @@ def findings(comparison: ComparedResults) -> list[str]:
         else:
             found.append(
                 f"{label}: {len(marked)} of {tested} parameters differ{'s' * (len(marked) == 1)} "
-                f"significantly from {first}: {listed(_changes(comparison, k, marked))}."
+                f"significantly from {first}: {listed(list(_changes(comparison, k, marked)))}."
             )
     return found
 
 
-def _changes(comparison: ComparedResults, k: int, names: Sequence[str]) -> list[str]:
+def _changes(comparison: ComparedResults, k: int, names: Sequence[str]) -> Iterator[str]:
     """Each parameter with its difference ± 2σ, in percent of the first where that says anything."""
     by_name = {p.name: p for p in comparison.parameters}
-    changes = []
     for name in names:
         found = by_name[name].differences[k]
         assert found is not None  # it is marked
@@ -81,8 +80,7 @@ def _changes(comparison: ComparedResults, k: int, names: Sequence[str]) -> list[
             value, spread, unit = found.relative, abs(share) * spread, "%"
         text, spread_text = with_spread(value, spread)
         signed = text if text.startswith("-") else f"+{text}"
-        changes.append(f"{name} {signed} ± {spread_text} {unit}")
-    return changes
+        yield f"{name} {signed} ± {spread_text} {unit}"
 
 
 def _correlation(comparison: ComparedResults) -> Iterator[str]:

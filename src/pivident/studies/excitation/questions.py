@@ -15,6 +15,7 @@ joint j, which all runs share, the information on the unknowns z of a question i
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -141,7 +142,7 @@ def load_question(base: BaseParameters, values: np.ndarray, load: np.ndarray) ->
         "load",
         "a load, from a run without it and a run with it",
         (np.zeros(p), spread @ load),
-        _without_effect(kept, regrouping),
+        tuple(_without_effect(kept, regrouping)),
     )
 
 
@@ -155,12 +156,11 @@ def _regrouped(columns: np.ndarray) -> tuple[list[int], np.ndarray]:
     return kept, np.where(np.abs(regrouping) < NO_EFFECT, 0.0, regrouping)
 
 
-def _without_effect(kept: list[int], regrouping: np.ndarray) -> tuple[str, ...]:
+def _without_effect(kept: list[int], regrouping: np.ndarray) -> Iterator[str]:
     """Which of the load's parameters have no effect, and which regroup with others."""
-    notes = []
     without = [stem for stem, column in zip(INERTIAL, regrouping.T, strict=True) if not any(column)]
     if without:
-        notes.append(
+        yield (
             f"No torque of this robot depends on {listed(without)} of the load, whatever the "
             "motion: they are left out."
         )
@@ -171,10 +171,7 @@ def _without_effect(kept: list[int], regrouping: np.ndarray) -> tuple[str, ...]:
         if np.count_nonzero(row) > 1
     ]
     if sums:
-        notes.append(
-            f"Torques depend on these sums of the load's parameters only: {'; '.join(sums)}."
-        )
-    return tuple(notes)
+        yield f"Torques depend on these sums of the load's parameters only: {'; '.join(sums)}."
 
 
 def gain_question(base: BaseParameters, values: np.ndarray, load: np.ndarray) -> Question:

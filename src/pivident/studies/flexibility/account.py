@@ -6,7 +6,7 @@ A joint's flexibility in rows and sentences, for terminal and page.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,14 +34,14 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
     names = [f"{one.recording}: {one.joint}" for one in found]
     body = summary.render(
         joints=list(zip(names, found, strict=True)),
-        agreement=agreement_lines(found),
+        agreement=list(agreement_lines(found)),
         stiffness=_stiffness,
     )
     joints = [
         (
             f"joint-{number}",
             name,
-            Markup(template.render(parts=parts_of(one), figures=_figures(one))),
+            Markup(template.render(parts=parts_of(one), figures=list(_figures(one)))),
         )
         for number, (name, one) in enumerate(zip(names, found, strict=True), start=1)
     ]
@@ -62,14 +62,12 @@ def _stiffness(one: JointFlexibility) -> str:
     return of_kind(str(known), one.sliding)
 
 
-def _figures(one: JointFlexibility) -> list[Figure]:
+def _figures(one: JointFlexibility) -> Iterator[Figure]:
     """Figures of the available results."""
-    figures = []
     if one.compliance is not None:
-        figures.append(deflection_figure(one.compliance, one.sliding))
+        yield deflection_figure(one.compliance, one.sliding)
     if one.resonance is not None and one.resonance.response.size:
-        figures.append(response_figure(one.resonance, one.sliding))
-    return figures
+        yield response_figure(one.resonance, one.sliding)
 
 
 def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
@@ -276,14 +274,12 @@ def _recorded_rows(c: Compliance) -> list[tuple[str, str]]:
     ]
 
 
-def agreement_lines(found: Sequence[JointFlexibility]) -> list[str]:
+def agreement_lines(found: Sequence[JointFlexibility]) -> Iterator[str]:
     """Agreement of recordings on the stiffness of a joint, one line for each joint."""
-    lines = []
     for joint, values in summary(found).items():
         if len(values) < 2:
             continue
         low, high = max(v.low for v in values), min(v.high for v in values)
         listed = "; ".join(map(str, values))
         word = "agree" if low <= high else "do not agree"
-        lines.append(f"{joint}: the recordings {word} on the stiffness: {listed}")
-    return lines
+        yield f"{joint}: the recordings {word} on the stiffness: {listed}"

@@ -22,7 +22,7 @@ swinging load; then nothing is estimated.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -148,7 +148,7 @@ def identify_compliance(
     kept = tuple(term for term in optional if abs(tried[term].ratio(term)) > CLEAR)
     final = fit_deflection(motion, orders, kept) if kept else plain
     tried |= {term: final for term in kept}
-    notes = _notes(recording, motion, final, kept, motor_inertia)
+    notes = tuple(_notes(recording, motion, final, kept, motor_inertia))
     k = final.measured("torque", "", inverse="N m/rad")
     compliance = final.value("torque")
     torque = torque_through_spring(motion, final)
@@ -277,36 +277,34 @@ def _notes(
     fit: DeflectionFit,
     kept: Sequence[str],
     motor_inertia: float,
-) -> tuple[str, ...]:
+) -> Iterator[str]:
     """Reservations about this estimate."""
-    notes = []
     if motion.instruments is None:
-        notes.append(
+        yield (
             "no reference was recorded: noise of the torque biases the stiffness upwards by its "
             f"share of the torque's variance below {CUTOFF:g} Hz"
         )
     if motor_inertia == 0.0:
-        notes.append("the motor's inertia is unknown: its torque counts as transmitted")
+        yield "the motor's inertia is unknown: its torque counts as transmitted"
     lag = (motion.retimed + fit.value("speed")) * float(np.abs(motion.speed).max())
     strain = fit.value("torque") * float(np.ptp(motion.torque))
     late = _lag(fit, motion)
     if late.clear and abs(lag) > 0.1 * abs(strain):
-        notes.append(
+        yield (
             f"{1e3 * abs(lag):.2g} mrad of the recorded difference at the highest speed are due to "
             f"the delay between the encoders ({1e3 * late.value:.3g} ms), not deflection"
         )
     if motion.known_lag is not None:
-        notes.append("the link encoder's lag is that of the other joints")
+        yield "the link encoder's lag is that of the other joints"
     if fit.value("torque") + STUDENT * fit.std("torque") <= 0:
-        notes.append(
+        yield (
             "the deflection moves against the torque, which no spring does: torque, speed and "
             "direction change together in this motion, or the deflection has another cause"
         )
     elif fit.value("torque") - STUDENT * fit.std("torque") <= 0:
-        notes.append(
+        yield (
             "the record does not bound the stiffness from above: the torque changes too little, or "
             "only together with friction or backlash"
         )
     if kept:
-        notes.append(f"clear terms: {', '.join(kept)}")
-    return tuple(notes)
+        yield f"clear terms: {', '.join(kept)}"

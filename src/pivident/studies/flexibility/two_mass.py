@@ -16,7 +16,7 @@ they converge.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -158,7 +158,7 @@ def identify_two_mass(
         steps=steps,
         converged=converged,
         instrumented=instrumented,
-        notes=_notes(names, theta, covariance, converged, instrumented),
+        notes=tuple(_notes(names, theta, covariance, converged, instrumented)),
     )
 
 
@@ -292,18 +292,16 @@ def _notes(
     covariance: np.ndarray,
     converged: bool,
     instrumented: bool,
-) -> tuple[str, ...]:
-    notes = []
+) -> Iterator[str]:
     std = np.sqrt(np.diag(covariance))
     if not instrumented:
-        notes.append(
+        yield (
             "no instruments from a simulated joint (no reference, or the fitted loop is unstable): "
             "encoder noise biases the parameters, and the intervals do not include this bias"
         )
     if not converged:
-        notes.append(f"the parameters did not converge in {MAX_STEPS} steps")
+        yield f"the parameters did not converge in {MAX_STEPS} steps"
     for name in ("motor_inertia", "load_inertia", "stiffness", "damping"):
         i = list(names).index(name)
         if theta[i] < 2 * std[i]:
-            notes.append(f"{name.replace('_', ' ')} is not significantly different from zero")
-    return tuple(notes)
+            yield f"{name.replace('_', ' ')} is not significantly different from zero"

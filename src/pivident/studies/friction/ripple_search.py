@@ -9,7 +9,7 @@ time is subtracted as such and does not count as ripple.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -166,8 +166,8 @@ def search_joint(
         for finding in named_findings(robot, joint, angle, spectrum, named, cycles)
     ]
     return JointRipple(
-        robot.joints[joint].name, unit, tuple(lines), _time_lines(fit, owners), angles, first,
-        spectra, tuple(asked), tuple(notes),
+        robot.joints[joint].name, unit, tuple(lines), tuple(_time_lines(fit, owners)), angles,
+        first, spectra, tuple(asked), tuple(notes),
     )  # fmt: skip
 
 
@@ -297,14 +297,12 @@ def _band(
     return 0.95 * float(low), 1.05 * float(high)
 
 
-def _time_lines(fit: WaveFit, owners: Sequence[int]) -> tuple[TimeLine, ...]:
+def _time_lines(fit: WaveFit, owners: Sequence[int]) -> Iterator[TimeLine]:
     """Lines of constant frequency; one for all recordings that were searched together."""
-    found: list[TimeLine] = []
     count = 1 + max((w.record for w in fit.waves if w.record >= 0), default=0)
     alone = [n for n, owner in enumerate(owners) if owner < 0]
     for start in range(0, len(alone), count):
         group = alone[start : start + count]
         sizes = [float(np.linalg.norm(fit.coefficients[n])) for n in group]
         largest = group[int(np.argmax(sizes))]
-        found.append(TimeLine(fit.waves[largest].order / (2.0 * math.pi), max(sizes)))
-    return tuple(found)
+        yield TimeLine(fit.waves[largest].order / (2.0 * math.pi), max(sizes))

@@ -13,7 +13,7 @@ of many useless ones looks useful, so the level is divided by the number of test
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -134,21 +134,19 @@ def balanced_difference(a: LawScore, b: LawScore) -> Difference:
     return Difference.of((a.errors - b.errors) / np.where(size > 0.0, size, 1.0))
 
 
-def worse_directions(a: LawScore, b: LawScore, divisions: Sequence[Division]) -> tuple[str, ...]:
+def worse_directions(a: LawScore, b: LawScore, divisions: Sequence[Division]) -> Iterator[str]:
     """Directions in which law a is worse than b.
 
     By more than a standard error, if there is one direction; the chance that a law as good as b is
     called worse stays the same if there are several.
     """
     names = list(dict.fromkeys(d.name for d in divisions))
-    found = []
     for name in names:
         own = [k for k, d in enumerate(divisions) if d.name == name]
         held_out = np.any([divisions[k].held_out for k in own], axis=0)
         d = Difference.of((b.held_out[own] - a.held_out[own]).sum(axis=0)[held_out])
         if d.chance() < ONE_SIGMA / len(names):
-            found.append(name)
-    return tuple(found)
+            yield name
 
 
 def judged(
@@ -165,7 +163,7 @@ def judged(
     for s in new:
         measures = difference(s, current), balanced_difference(s, current)
         chance = len(measures) * min(d.chance() for d in measures)
-        worse = worse_directions(s, current, divisions)
+        worse = tuple(worse_directions(s, current, divisions))
         repairs = bool(current.impossible_terms) and not s.impossible_terms
         if s.impossible_terms - current.impossible_terms:
             verdict = f"impossible sign: {', '.join(s.impossible)}"

@@ -204,7 +204,7 @@ def page_content(
         "nominal": percent(NOMINAL_COVERAGE),
         "runs": repetition.runs,
         "motions": repetition.motions,
-        "accuracy": _accuracy(repetition),
+        "accuracy": list(_accuracy(repetition)),
         "no_estimates": _no_estimates(repetition),
         "best_line": _best_line(readings, repetition),
         "tables": {name: beside_table_1(own.results, forms) for name, own in readings.items()},
@@ -299,9 +299,8 @@ def _torques(reading: Reading) -> str:
     return ", ".join(format_significant(x, 2) for x in reading.recording.tau.std(axis=0))
 
 
-def _accuracy(repetition: Repetition) -> list[tuple[object, ...]]:
+def _accuracy(repetition: Repetition) -> Iterator[tuple[object, ...]]:
     """Coverage and errors of every form."""
-    rows: list[tuple[object, ...]] = []
     for reading, forms in repetition.readings.items():
         printed = forms.get(PRINTED)
         for form in all_forms():
@@ -309,26 +308,23 @@ def _accuracy(repetition: Repetition) -> list[tuple[object, ...]]:
                 continue
             own = forms[form]
             if not len(own.theta):
-                rows.append((reading, form, "–", "–", "–", "–", own.failed, "–", own.count))
+                yield reading, form, "–", "–", "–", "–", own.failed, "–", own.count
                 continue
             low, high = own.coverage_interval
             share = np.nan
             if printed is not None and _estimates(printed):
                 share = own.median_error / printed.median_error
-            rows.append(
-                (
-                    reading,
-                    form,
-                    percent(own.coverage),
-                    "–" if np.isnan(low) else f"{percent(low)} to {percent(high)}",
-                    percent(own.median_error),
-                    format_significant(share, 2),
-                    own.failed,
-                    f"{np.median(own.iterations):.0f}",
-                    own.count,
-                )
+            yield (
+                reading,
+                form,
+                percent(own.coverage),
+                "–" if np.isnan(low) else f"{percent(low)} to {percent(high)}",
+                percent(own.median_error),
+                format_significant(share, 2),
+                own.failed,
+                f"{np.median(own.iterations):.0f}",
+                own.count,
             )
-    return rows
 
 
 def _no_estimates(repetition: Repetition) -> list[str]:

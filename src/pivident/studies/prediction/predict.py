@@ -131,7 +131,7 @@ def predict(
     residual = np.where(measured, k.tau.T - model, 0.0)
     error = _error(judge, robot, residual, slice(start, stop)) if compare else None
     known = fitted or (free.fitted_range if isinstance(free, Identification) else None)
-    exits = () if known is None else range_exits(robot, known, k, slice(start, stop))
+    exits = () if known is None else tuple(range_exits(robot, known, k, slice(start, stop)))
     earlier = HeldOutErrors.of(held_out) if isinstance(held_out, CrossValidation) else held_out
     if earlier is not None and band is not None and band != earlier.band:
         earlier = None  # of another band

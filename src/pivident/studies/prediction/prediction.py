@@ -95,9 +95,8 @@ class RangeExit:
 
 def range_exits(
     robot: Robot, fitted: MotionRange, kinematics: Kinematics, span: slice
-) -> tuple[RangeExit, ...]:
+) -> Iterator[RangeExit]:
     """One for each joint that leaves its range, over some samples of a motion."""
-    exits = []
     for j, joint in enumerate(robot.joints):
         q, dq, ddq = (x[j] for x in kinematics.stretch(span))
         low, high = fitted.low[j], fitted.high[j]
@@ -116,8 +115,7 @@ def range_exits(
             float(x.max()) if named else 0.0
             for x, named in zip((beyond, speed, acceleration), often, strict=True)
         )
-        exits.append(RangeExit(joint.name, np.any(left, axis=0), farthest, fastest, hardest))
-    return tuple(exits)
+        yield RangeExit(joint.name, np.any(left, axis=0), farthest, fastest, hardest)
 
 
 def exit_findings(

@@ -250,7 +250,7 @@ class ClosedLoopSection(Section):
             if isinstance(recipe, Algebraic):  # what its windows take the torque loses too
                 continue
             if isinstance(recipe, Bandpass):
-                remarks = _band_pass_remarks(own, recipe, sampling_rate(identification))
+                remarks = list(_band_pass_remarks(own, recipe, sampling_rate(identification)))
             else:
                 f50 = [joint.f50 for joint in identification.joints]
                 remarks = [_smoother_remark(own, f50, recipe.order)]
@@ -262,7 +262,7 @@ class ClosedLoopSection(Section):
 
 def _band_pass_remarks(
     own: IdentifiedLoop, recipe: Bandpass, rate: float
-) -> list[tuple[bool, str]]:
+) -> Iterator[tuple[bool, str]]:
     """Whether low-pass and decimation fit the fastest joint."""
     joint = own.fastest
     assert joint is not None
@@ -285,7 +285,6 @@ def _band_pass_remarks(
             "it keeps frequencies in which there is noise and little motion",
         ),
     )
-    remarks = []
     for what, option, used, factor, too_low, too_high in consequences:
         wanted, spread = factor * joint.bandwidth, 2.0 * factor * joint.bandwidth_std
         value = plus_minus(wanted, spread)
@@ -295,7 +294,7 @@ def _band_pass_remarks(
         )
         side = disagreement(used, wanted, spread)
         if side == 0:
-            remarks.append((True, f"{what}: {rule}, which agrees within a factor of 1.5."))
+            yield True, f"{what}: {rule}, which agrees within a factor of 1.5."
             continue
         consequence = too_low if side < 0 else too_high
         advice = (
@@ -305,8 +304,7 @@ def _band_pass_remarks(
             most = format_significant(rate)
             advice = f"The record's rate of {most} Hz does not allow it: record faster."
         direction = "lower" if side < 0 else "higher"
-        remarks.append((False, f"{what}: {rule}, clearly {direction}: {consequence}. {advice}"))
-    return remarks
+        yield False, f"{what}: {rule}, clearly {direction}: {consequence}. {advice}"
 
 
 def _smoother_remark(own: IdentifiedLoop, f50: Sequence[float], order: int) -> tuple[bool, str]:

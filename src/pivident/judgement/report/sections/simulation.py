@@ -125,7 +125,7 @@ class SimulationSection(Section):
                 "weighted": bool(simulation.noise_orders),
                 "joints": _joints(identification, simulation),
                 "parameters": [(p, parameter_texts(p)) for p in simulation.loop_parameters],
-                "held": held_lines(simulation),
+                "held": list(held_lines(simulation)),
                 "compared_to": float(identification.options.get("bandwidth", np.nan)),
                 "gallery": self._gallery(k, identification, simulation),
             }

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -63,7 +63,7 @@ def render_page(
         "result": [],
         "intervals": [coverage_figure(summary), ratio_figure(summary)],
         "accuracy": [standard_error_figure(summary), bias_figure(summary)],
-        "runs": errors_figures(summary, bench, rows),
+        "runs": list(errors_figures(summary, bench, rows)),
         "parameters": [],
         "merit": [],
         "provenance": [],
@@ -169,9 +169,8 @@ def bias_figure(summary: Summary) -> Figure:
     )
 
 
-def errors_figures(summary: Summary, bench: Bench, rows: pl.DataFrame) -> list[Figure]:
+def errors_figures(summary: Summary, bench: Bench, rows: pl.DataFrame) -> Iterator[Figure]:
     """Errors over reported standard errors of each method, one box per parameter."""
-    drawn = []
     for k, name in enumerate(summary.methods):
         own = rows.filter((rows["method"] == name) & rows["error"].is_null()).head(MAX_DRAWN)
         if own.is_empty():
@@ -189,16 +188,13 @@ def errors_figures(summary: Summary, bench: Bench, rows: pl.DataFrame) -> list[F
             )  # fmt: skip
         for line in (-2.0, 2.0):
             plot.horizontal(line, {"color": ERROR, "width": 1, "dash": "dash"})
-        drawn.append(
-            Figure(
-                plot,
-                height=280,
-                title=name,
-                label=f"Errors of {name} over their reported standard errors, by parameter",
-                note="box: half of the runs; whiskers: 95.4 %, which should reach the dashed lines",
-            )
+        yield Figure(
+            plot,
+            height=280,
+            title=name,
+            label=f"Errors of {name} over their reported standard errors, by parameter",
+            note="box: half of the runs; whiskers: 95.4 %, which should reach the dashed lines",
         )
-    return drawn
 
 
 def _points(
