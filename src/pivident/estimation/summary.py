@@ -403,10 +403,11 @@ def names_in_words(parameters: Mapping[str, Parameter]) -> str:
         parameters: by their names as shown; in these an ``r`` marks the head of a group.
     """
     stems = {p.stem for p in parameters.values()}
-    words = []
-    for together, meaning in _STEMS.items():
-        if present := [stem for stem in together if stem in stems]:
-            words.append(f"{', '.join(present)}: {meaning}")
+    words = [
+        f"{', '.join(present)}: {meaning}"
+        for together, meaning in _STEMS.items()
+        if (present := [stem for stem in together if stem in stems])
+    ]
     friction = {p.stem: p.friction for p in parameters.values() if p.friction is not None}
     words += [
         f"{stem}: {term.column.words}" for stem, term in friction.items() if term.column.words

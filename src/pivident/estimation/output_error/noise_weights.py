@@ -143,15 +143,16 @@ def whitened_sums(
     """
     windows = windows_of([own.errors.shape[2] for own in stretches])
     channels, joints = stretches[0].errors.shape[:2]
-    sums: list[list[list[JointSums]]] = []
-    for made, own in zip(stretches, windows, strict=True):
-        columns = np.arange(made.columns.count)
-        sums.append(
+    sums = [
+        [
             [
-                [JointSums.empty(f"joint {j + 1}", columns, own.count) for j in range(joints)]
-                for _ in range(channels)
+                JointSums.empty(f"joint {j + 1}", np.arange(made.columns.count), own.count)
+                for j in range(joints)
             ]
-        )
+            for _ in range(channels)
+        ]
+        for made, own in zip(stretches, windows, strict=True)
+    ]
 
     def work(place: tuple[int, int, int]) -> None:
         s, c, j = place

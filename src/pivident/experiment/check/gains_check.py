@@ -52,14 +52,13 @@ CAUSES = (
 
 def check_gains(
     log: Log, timing: Timing, entry: ControllerEntry, reversed_joints: tuple[int, ...]
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """The gains of the file beside those that the log shows."""
     if "q_ref" not in log.channels or "tau" not in log.channels or not timing.rate:
-        return []
+        return
     q, q_ref, tau = (log.channels[c] for c in ("q", "q_ref", "tau"))
     if not q.shape == q_ref.shape == tau.shape or not timing.regular:
-        return []
-    findings: list[Finding] = []
+        return
     for j, name in enumerate(log.joint_names[: q.shape[1]]):
         rows = usable_rows(q[:, [j]], q_ref[:, [j]], tau[:, [j]])
         if len(rows) < 200 or j in reversed_joints:
@@ -69,15 +68,13 @@ def check_gains(
         if rest > 1 - EXPLAINED:
             continue
         if found[0] < 0:
-            findings.append(
-                SIGN.finding(
-                    "error",
-                    f"The torque of {name} pushes away from the reference: its gain on "
-                    f"q_ref - q is {found[0]:.4g}.",
-                    name,
-                    "Reference and measurement are swapped, or the sign of the torque is wrong.",
-                    {"gain": Quantity(found[0])},
-                )
+            yield SIGN.finding(
+                "error",
+                f"The torque of {name} pushes away from the reference: its gain on "
+                f"q_ref - q is {found[0]:.4g}.",
+                name,
+                "Reference and measurement are swapped, or the sign of the torque is wrong.",
+                {"gain": Quantity(found[0])},
             )
             continue
         said = [*_compared(name, j, found, entry, timing.rate)]
@@ -87,8 +84,7 @@ def check_gains(
             left <= rest and not any(_compared(name, j, gains, entry, timing.rate))
             for left, gains in fits
         ):
-            findings += said
-    return findings
+            yield from said
 
 
 def check_limit(log: Log, entry: ControllerEntry) -> list[Finding]:

@@ -95,18 +95,17 @@ def check_power(log: Log, model: InverseModel) -> Power:
     joints = model.robot.size
     tau = model.tau()
     power, standard_errors, static = (np.full(joints, np.nan) for _ in range(3))
-    findings: list[Finding] = []
     for j in range(joints):
         if model.usable(j):
             power[j], standard_errors[j], static[j] = _friction_power(model, j, tau[:, j])
     swing = np.mean(np.abs(tau * model.dq), axis=0)
     clear = np.abs(power) > np.maximum(CLEAR * standard_errors, SHARE * swing)
     negative = [j for j in range(joints) if clear[j] and power[j] < 0]
-    for j in range(joints):
-        if np.isfinite(power[j]):
-            findings.append(
-                _power_finding(model, j, power[j], standard_errors[j], negative, clear[j])
-            )
+    findings = [
+        _power_finding(model, j, power[j], standard_errors[j], negative, clear[j])
+        for j in range(joints)
+        if np.isfinite(power[j])
+    ]
     weights = _constant_weights(log, model, tau)
     said = {finding.subject for finding in weights if finding.severity != "ok"}
     findings += [f for f in _gravity_at_rest(log, model, tau, static) if f.subject not in said]

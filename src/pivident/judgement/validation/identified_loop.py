@@ -136,7 +136,7 @@ def identified_loop(identification: Identification) -> IdentifiedLoop | None:
     except ExperimentError as error:
         return IdentifiedLoop((), rate, delay, f"The loop cannot be drawn: {error}.")
     gains = np.broadcast_to(np.asarray(loop.drive_gain, float), (n,))
-    inertias = inertia_ranges(identification)
+    inertias = tuple(inertia_ranges(identification))
     viscous = _viscous_slopes(identification)
     joints = tuple(
         _joint(identification, j, inertias[j], viscous[j], feedbacks[j], float(gains[j]), delay)
@@ -248,12 +248,11 @@ def too_slow_smoothers(
     ``f50``: half-power frequencies of the smoothers [Hz], one per joint; NaN without one. Result:
     name, f50 and the f50 that (A13) wants [Hz].
     """
-    found = []
-    for joint, own in zip(loop.joints, f50, strict=True):
-        wanted = required_f50(joint.bandwidth, order)
-        if own < wanted:
-            found.append((joint.name, float(own), wanted))
-    return found
+    return [
+        (joint.name, float(own), wanted)
+        for joint, own in zip(loop.joints, f50, strict=True)
+        if own < (wanted := required_f50(joint.bandwidth, order))
+    ]
 
 
 #: Postures of the record at which the inertia is taken.
@@ -272,7 +271,7 @@ class InertiaRange:
     slope: np.ndarray  # ∂(mean)/∂θ, shape (parameters,)
 
 
-def inertia_ranges(identification: Identification) -> tuple[InertiaRange, ...]:
+def inertia_ranges(identification: Identification) -> Iterator[InertiaRange]:
     """M_jj of every joint over the postures of the fitted recordings, with standard errors."""
     postures = np.concatenate([r.q for r in identification.recordings])
     chosen = np.linspace(0, len(postures) - 1, min(POSTURES, len(postures))).round().astype(int)
@@ -284,16 +283,12 @@ def inertia_ranges(identification: Identification) -> tuple[InertiaRange, ...]:
             mass = mass_matrix(robot, (p,), np.ones(1), postures)
             slopes[k] = np.diagonal(mass, axis1=1, axis2=2)
     inertia = np.einsum("k,ksj->sj", identification.theta, slopes)
-    ranges = []
     for j in range(robot.size):
         own = inertia[:, j]
         mean = slopes[:, :, j].mean(axis=1)
         gradients = [slopes[:, own.argmin(), j], mean, slopes[:, own.argmax(), j]]
         std = np.array([_standard_error(identification, g) for g in gradients])
-        ranges.append(
-            InertiaRange(float(own.min()), float(own.mean()), float(own.max()), std, mean)
-        )
-    return tuple(ranges)
+        yield InertiaRange(float(own.min()), float(own.mean()), float(own.max()), std, mean)
 
 
 def _standard_error(identification: Identification, slope: np.ndarray) -> float:

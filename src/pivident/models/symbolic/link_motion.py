@@ -114,28 +114,26 @@ def link_motion(
 
 def link_velocities(
     model: ModelSymbols, motions: list[LinkMotion], link: int
-) -> list[tuple[int, tuple[Vector, Vector]]]:
+) -> Iterator[tuple[int, tuple[Vector, Vector]]]:
     """Velocities (v, w) of a link's origin and frame per joint speed, in its frame."""
     robot = model.robot
     chain = robot.ancestors(link)
-    found = []
     for start, j in enumerate(chain):
         axis: Vector = (ZERO, ZERO, ONE)
         v, w = (NULL, axis) if robot.joints[j].kind == "revolute" else (axis, NULL)
         for i in reversed(chain[:start]):
             frame = motions[i].frame
             v, w = frame.out(plus(v, cross(w, frame.origin))), frame.out(w)
-        found.append((j, (v, w)))
-    return found
+        yield j, (v, w)
 
 
 def given_velocities(
     model: ModelSymbols, motions: list[LinkMotion], link: int
-) -> list[tuple[int, tuple[Vector, Vector]]]:
+) -> Iterator[tuple[int, tuple[Vector, Vector]]]:
     """The same per speed of the joints whose motion is given, numbered among themselves."""
     if model.gain is None:
-        return link_velocities(model, motions, link)
-    found = []
+        yield from link_velocities(model, motions, link)
+        return
     for a in range(model.gain.shape[1]):
         v, w = NULL, NULL
         for i in reversed(model.robot.ancestors(link)):
@@ -146,8 +144,7 @@ def given_velocities(
             else:
                 v = v[0], v[1], collected(v[2] + share)
         if not (is_null(v) and is_null(w)):
-            found.append((a, (v, w)))
-    return found
+            yield a, (v, w)
 
 
 @dataclass(frozen=True)

@@ -233,7 +233,7 @@ def _compared(entries: Sequence[Entry], alpha: float) -> Comparison:
         same_record=same_record,
         one_machine=one_machine,
         torques=tuple(cross_torques(entries)) if one_machine else (),
-        friction=friction_curves(entries) if one_machine else (),
+        friction=tuple(friction_curves(entries)) if one_machine else (),
         notes=(),
     )
     return replace(comparison, notes=tuple(remarks(comparison, geometry)))

@@ -7,7 +7,7 @@ they have no curve against speed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,9 +46,8 @@ class JointFriction:
     curves: tuple[FrictionCurve, ...]  # one for each result that estimates friction of this joint
 
 
-def friction_curves(entries: Sequence[Entry]) -> tuple[JointFriction, ...]:
+def friction_curves(entries: Sequence[Entry]) -> Iterator[JointFriction]:
     """Friction against speed of all joints whose friction some result estimates."""
-    found = []
     for j, joint in enumerate(entries[0].robot.joints):
         rated = joint.rated_speed or max(
             (e.robot.joints[j].rated_speed or 0.0 for e in entries), default=0.0
@@ -60,17 +59,14 @@ def friction_curves(entries: Sequence[Entry]) -> tuple[JointFriction, ...]:
             if (curve := _curve(k, entry, j, speed)) is not None
         ]
         if curves:
-            found.append(
-                JointFriction(
-                    joint.name,
-                    joint.torque_unit,
-                    f"{joint.position_unit}/s",
-                    bool(rated),
-                    speed,
-                    tuple(curves),
-                )
+            yield JointFriction(
+                joint.name,
+                joint.torque_unit,
+                f"{joint.position_unit}/s",
+                bool(rated),
+                speed,
+                tuple(curves),
             )
-    return tuple(found)
 
 
 def speeds(highest: float) -> np.ndarray:

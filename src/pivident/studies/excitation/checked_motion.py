@@ -15,7 +15,7 @@ in between, until it does not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -205,50 +205,44 @@ class FineCheck:
         order = {joint.name: j for j, joint in enumerate(robot.joints)}
         return tuple(sorted(uses, key=lambda use: order[use.joint]))
 
-    def _torque_uses(self, robot: Robot, moved: np.ndarray) -> list[LimitUse]:
+    def _torque_uses(self, robot: Robot, moved: np.ndarray) -> Iterator[LimitUse]:
         """Use of the torque limits, with the margin of the model."""
         c = self.constraints
         if not c.torques:
-            return []
+            return
         motion = (moved[0], moved[1], moved[2])
         found = [model.torque_and_margin(motion) for model in c.torques]
         torque, margin = (np.concatenate(part) for part in zip(*found, strict=True))
         rms_torque = np.max([np.sqrt(np.mean(own**2, axis=0)) for own, _ in found], axis=0)
         times = np.tile(self.times, len(found))
-        uses = []
         for j, joint in enumerate(robot.joints):
             limit, rms = c.limits.torque[j], c.limits.rms_torque[j]
             if np.isfinite(limit):
                 size = np.abs(torque[:, j]) + margin[:, j]
-                uses.append(
-                    LimitUse(
-                        joint.name,
-                        "torque",
-                        joint.torque_unit,
-                        -float(limit),
-                        float(limit),
-                        float((torque - margin)[:, j].min()),
-                        float((torque + margin)[:, j].max()),
-                        float(times[int(np.argmax(size))]),
-                        c.limits.source.get("torque", ("description",) * robot.size)[j],
-                    )
+                yield LimitUse(
+                    joint.name,
+                    "torque",
+                    joint.torque_unit,
+                    -float(limit),
+                    float(limit),
+                    float((torque - margin)[:, j].min()),
+                    float((torque + margin)[:, j].max()),
+                    float(times[int(np.argmax(size))]),
+                    c.limits.source.get("torque", ("description",) * robot.size)[j],
                 )
             if np.isfinite(rms):
                 reached = float(rms_torque[j])
-                uses.append(
-                    LimitUse(
-                        joint.name,
-                        "rms torque",
-                        joint.torque_unit,
-                        0.0,
-                        float(rms),
-                        0.0,
-                        reached,
-                        float("nan"),
-                        c.limits.source.get("rms_torque", ("file",) * robot.size)[j],
-                    )
+                yield LimitUse(
+                    joint.name,
+                    "rms torque",
+                    joint.torque_unit,
+                    0.0,
+                    float(rms),
+                    0.0,
+                    reached,
+                    float("nan"),
+                    c.limits.source.get("rms_torque", ("file",) * robot.size)[j],
                 )
-        return uses
 
     def clearance_uses(self, coefficients: np.ndarray) -> tuple[ClearanceUse, ...]:
         """Least clearance of each pair of bodies, the nearest first."""

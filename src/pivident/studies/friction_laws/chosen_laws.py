@@ -151,7 +151,7 @@ def worse_directions(a: LawScore, b: LawScore, divisions: Sequence[Division]) ->
 
 def judged(
     new: Sequence[LawScore], current: LawScore, divisions: Sequence[Division], tests: int
-) -> list[LawScore]:
+) -> Iterator[LawScore]:
     """Laws with the reason why they may not replace the current one; without one, they may.
 
     An impossible sign that the current law has, too, is no reason yet: it shows that a term is
@@ -159,7 +159,6 @@ def judged(
 
     ``tests``: number of changes tried on all joints.
     """
-    made = []
     for s in new:
         measures = difference(s, current), balanced_difference(s, current)
         chance = len(measures) * min(d.chance() for d in measures)
@@ -179,8 +178,7 @@ def judged(
             verdict = f"worse on {', '.join(worse)}"
         else:
             verdict = ""
-        made.append(replace(s, verdict=verdict))
-    return made
+        yield replace(s, verdict=verdict)
 
 
 def simplest(scores: Sequence[LawScore]) -> LawScore:

@@ -333,7 +333,7 @@ def _grown(
         # the effective number of rows is that of the residual of the best law
         scores = with_criterion(scores, *judge.effective(min(scores, key=lambda s: s.rms)))
         current = next(s for s in scores if s.name == path[-1].name)
-        new = judged(scores[-len(new) :], current, judge.divisions, tests)
+        new = list(judged(scores[-len(new) :], current, judge.divisions, tests))
         better = [s for s in new if not s.verdict]
         if better:
             path.append(simplest(better))

@@ -185,20 +185,17 @@ def stretches_of(
     problem: Problem, kinematics: Sequence[Kinematics], encoder: np.ndarray
 ) -> list[FilterStretch]:
     """Usable samples of all recordings."""
-    found = []
-    for r, (recording, known) in enumerate(zip(problem.recordings, kinematics, strict=True)):
-        part = slice(known.start, known.stop)
-        found.append(
-            FilterStretch(
-                r,
-                known.start,
-                recording.q[part],
-                acting_torques(recording)[part],
-                known.dq[:, part].T,
-                encoder * recording.rate,
-            )
+    return [
+        FilterStretch(
+            r,
+            known.start,
+            recording.q[known.start : known.stop],
+            acting_torques(recording)[known.start : known.stop],
+            known.dq[:, known.start : known.stop].T,
+            encoder * recording.rate,
         )
-    return found
+        for r, (recording, known) in enumerate(zip(problem.recordings, kinematics, strict=True))
+    ]
 
 
 def encoder_noise(problem: Problem, method: FilterOptions) -> np.ndarray:

@@ -16,7 +16,7 @@ its positions and torques are not compared there.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -241,12 +241,13 @@ def _equations(
     return ReducedEquations.of(own)
 
 
-def rows_of(fit: SimulationFit, recordings: Sequence[Recording], fold: Fold) -> list[np.ndarray]:
+def rows_of(
+    fit: SimulationFit, recordings: Sequence[Recording], fold: Fold
+) -> Iterator[np.ndarray]:
     """Thinned rows of each stretch that see a sample of what a fold leaves out, shape (rows,).
 
     ``recordings``: of the fit, in its order; each has one stretch or several one after the other.
     """
-    out = []
     owners = _owners(fit, recordings)
     for owner, stretch, made, factor in zip(
         owners, fit.stretches, fit.made, fit.factors, strict=True
@@ -260,8 +261,7 @@ def rows_of(fit: SimulationFit, recordings: Sequence[Recording], fold: Fold) -> 
                 first = recording.start_time + piece.start / recording.rate
                 last = recording.start_time + piece.stop / recording.rate
                 seen |= (begin < last) & (end > first)
-        out.append(seen)
-    return out
+        yield seen
 
 
 def _owners(fit: SimulationFit, recordings: Sequence[Recording]) -> list[int]:
