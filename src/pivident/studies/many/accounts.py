@@ -7,7 +7,7 @@ from typing import Any
 
 from pivident.foundation.document.table import Table
 from pivident.studies.many.fleet.identify_fleet import Fleet
-from pivident.studies.many.fleet.judgement import Judgement
+from pivident.studies.many.fleet.judgement import Judgement, parameter_table
 from pivident.studies.many.study.summary import Summary
 from pivident.studies.tables.many_results import of_frame
 
@@ -46,8 +46,6 @@ def study_methods(summary: Summary) -> Table:
 
 def fleet_parameters(fleet: Fleet) -> Table:
     """One row for each log and parameter, and one for each log that failed."""
-    from pivident.studies.many.fleet.judgement import parameter_table
-
     return of_frame("parameters", parameter_table(fleet))
 
 

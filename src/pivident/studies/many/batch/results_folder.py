@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pivident.foundation.extras import require
 from pivident.foundation.files import regular_file
+from pivident.foundation.version import __version__
 from pivident.studies.many.batch.batch_errors import OtherContents, ResultsFolderError
 
 if TYPE_CHECKING:
@@ -45,8 +46,6 @@ NUMERICAL = (
 @cache
 def fingerprint() -> str:
     """Version of pivident with the first digits of the SHA-256 of its numerical code."""
-    from pivident.foundation.version import __version__
-
     package = Path(__file__).resolve().parents[3]
     digest = hashlib.sha256()
     for name in NUMERICAL:
@@ -176,8 +175,6 @@ class ResultsFolder:
         return pl.DataFrame(schema={name: schema[name] for name in columns or schema})
 
     def _check(self, manifest: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-        from pivident.foundation.version import __version__
-
         if manifest.get("layout") != LAYOUT or self.owner not in manifest:
             raise self.error(
                 self.folder,
@@ -198,8 +195,6 @@ class ResultsFolder:
         self, manifest: Mapping[str, Any] | None, wanted: Mapping[str, Any]
     ) -> None:
         import numpy as np
-
-        from pivident.foundation.version import __version__
 
         programs = list((manifest or {}).get("programs", []))
         programs += [fingerprint()] * (fingerprint() not in programs)
