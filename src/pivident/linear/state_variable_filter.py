@@ -73,16 +73,27 @@ def small_exponential(matrix):
     rows: milliseconds on a busy machine, for every iterate.
     """
     size = len(matrix)
-    norm = np.abs(matrix).sum(axis=1).max()
-    halvings = 0
+    norm = 0.0
+    for i in range(size):
+        row = 0.0
+        for j in range(size):
+            row += abs(matrix[i, j])
+        norm = max(norm, row)
+    halvings, scale = 0, 1.0
     while norm > 0.5 and halvings < 1000:
         norm *= 0.5
+        scale *= 0.5
         halvings += 1
-    scaled = matrix * 0.5**halvings
-    total = np.eye(size)
+    scaled, total = np.empty((size, size)), np.zeros((size, size))
+    for i in range(size):
+        total[i, i] = 1.0
+        for j in range(size):
+            scaled[i, j] = matrix[i, j] * scale
     for term in range(_TAYLOR_TERMS, 0, -1):
-        total = _product(scaled, total) / term
+        total = _product(scaled, total)
         for i in range(size):
+            for j in range(size):
+                total[i, j] /= term
             total[i, i] += 1.0
     for _ in range(halvings):
         total = _product(total, total)
@@ -139,7 +150,8 @@ def _run(phi, now, ahead, units, denominator, signal, out):
             for i in range(order):
                 for j in range(order):
                     out[i + 1, k] += phi[i, j] * out[j + 1, k - 1]
-    out[0] = signal
+    for k in range(samples):
+        out[0, k] = signal[k]
     for i in range(order):
         for k in range(samples):
             out[i + 1, k] *= units[i]

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.foundation.compiled import compiled
+from pivident.foundation.compiled import allocating, compiled
 from pivident.signals.burg import dot
 
 #: Level below which a transient has ended and its recursion may stop.
@@ -109,7 +109,7 @@ class Point:
         return gradient, information / self.variance
 
 
-@compiled()
+@allocating
 def _innovations(v, bounds, d, c):
     """e, e*, an orthonormal basis of the transients, and Σ ln det(I + Z'Z)."""
     p, q = d.size - 1, c.size - 1
@@ -127,19 +127,24 @@ def _innovations(v, bounds, d, c):
             e[k] = total
         z = _transients(stop - start, c)
         over = start + z.shape[1] - q
-        for m in range(q):
+        for m in range(q):  # of slices would be compiled twice as long
             for other in range(m):
-                z[m] -= dot(z[other], z[m]) * z[other]
+                share = dot(z[other], z[m])
+                for t in range(z.shape[1]):
+                    z[m, t] -= share * z[other, t]
             norm = np.sqrt(dot(z[m], z[m]))
             log_det += 2.0 * np.log(norm)
-            z[m] /= norm
+            for t in range(z.shape[1]):
+                z[m, t] /= norm
             along = dot(z[m, q:], e[start:over])
             for i in range(q):
                 along += z[m, q - 1 - i] * before[s, i]
-            e[start:over] -= along * z[m, q:]
+            for k in range(start, over):
+                e[k] -= along * z[m, q + k - start]
+                basis[m, k] = z[m, q + k - start]
             for i in range(q):
                 before[s, i] -= along * z[m, q - 1 - i]
-            top[s, m], basis[m, start:over] = z[m, :q], z[m, q:]
+                top[s, m, i] = z[m, i]
     return e, before, basis, top, log_det
 
 
@@ -158,7 +163,11 @@ def _transients(samples, c):
             for j in range(q):
                 largest = max(largest, abs(z[m, k - j]))
         if largest < _OVER and k >= 2 * q:
-            return np.ascontiguousarray(z[:, : k + 1])
+            short = np.empty((q, k + 1))
+            for m in range(q):
+                for t in range(k + 1):
+                    short[m, t] = z[m, t]
+            return short
     return z
 
 
@@ -170,7 +179,11 @@ def _half_log_det_gradient(basis, top, bounds, c, p):
     for s in range(len(bounds)):
         start, stop = bounds[s, 0] + p, bounds[s, 1]
         for m in range(q):
-            orthonormal = np.concatenate((top[s, m], basis[m, start:stop]))
+            orthonormal = np.empty(q + stop - start)
+            for i in range(q):
+                orthonormal[i] = top[s, m, i]
+            for k in range(start, stop):
+                orthonormal[q + k - start] = basis[m, k]
             over = orthonormal.size
             while orthonormal[over - 1] == 0.0:
                 over -= 1
@@ -191,7 +204,10 @@ def _normal_equations(v, e, before, basis, bounds, c, theta):
     q = c.size - 1
     p = theta.size - q - 1
     size = theta.size
-    at_one = -1.0 - theta[:p].sum()
+    total = 0.0
+    for i in range(p):
+        total += theta[i]
+    at_one = -1.0 - total
     square, cross = np.zeros((size, size)), np.zeros(size)
     for s in range(len(bounds)):
         start, stop = bounds[s, 0] + p, bounds[s, 1]
@@ -199,7 +215,8 @@ def _normal_equations(v, e, before, basis, bounds, c, theta):
         slopes, along = np.zeros((q + 1, size)), np.zeros((q, size))
         for k in range(start, stop):
             for j in range(q, 0, -1):
-                slopes[j] = slopes[j - 1]
+                for i in range(size):
+                    slopes[j, i] = slopes[j - 1, i]
             now = slopes[0]
             for i in range(p):
                 now[i] = v[k - 1 - i]

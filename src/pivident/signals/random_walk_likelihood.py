@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.foundation.compiled import compiled, section
+from pivident.foundation.compiled import compiled, inner, section
 from pivident.signals.random_walk_model import difference_coefficients, nvr_from_f50
 
 #: Smallest NVR at which the smoothed acceleration keeps about three digits, by order.
@@ -167,7 +167,7 @@ def _factorise(y, w, d, nvr):
     settling = math.ceil(math.log(_SETTLED) / (2 * math.log(slowest))) + _EXTRA_ROWS
     rows = int(min(settling, w.size))
     head, c = np.empty((rows, len(d))), np.empty(w.size)
-    _triangularise(y[: rows + order], d, math.sqrt(nvr), head, c)
+    _triangularise(y, d, math.sqrt(nvr), rows, head, c)
     _filter_rest(w, 1 / math.sqrt(f0), theta, rows, c)
     return head, c, theta, f0
 
@@ -195,22 +195,22 @@ def _likelihood(head, c, f0):
 
 
 @section
-def _triangularise(y, d, root, factor, rhs):
-    """R and Qᵀ(y, 0) of the stacked matrix (Dᵀ; √NVR·I), rows of Dᵀ entering one by one.
+def _triangularise(y, d, root, n, factor, rhs):
+    """The first n rows of R and Qᵀ(y, 0) of (Dᵀ; √NVR·I), rows of Dᵀ entering one by one.
 
     Row i of Dᵀ touches columns i-m … i only. ``factor[j]`` holds R[j, j : j+m+1]; it starts as
     row j of √NVR·I and is final once row j+m has been rotated in. ``rhs`` becomes c. The tuple
     ``d`` makes the bandwidth a constant of the compiled code.
     """
     order = len(d) - 1
-    n = y.size - order
     row = np.empty(len(d))
-    for i in range(y.size):
+    for i in range(n + order):
         for p in range(len(d)):
             row[p] = d[order - p]
         if i < n:
             factor[i, 0] = root
-            factor[i, 1:] = 0.0
+            for t in range(1, len(d)):
+                factor[i, t] = 0.0
             rhs[i] = 0.0
         value = y[i]
         for p in range(len(d)):
@@ -229,11 +229,13 @@ def _triangularise(y, d, root, factor, rhs):
             value = cosine * lower - sine * upper
 
 
-@section
+@inner
 def _filter_rest(w, scale, theta, start, c):
     """c_j = w_j / √f0 - Σ θ_t c_{j-t} from j = start ≥ 4 on, after the rows of the head."""
-    _, t1, t2, t3, t4 = theta
-    c4, c3, c2, c1 = c[start - 4 : start]
+    if start == w.size:
+        return
+    t1, t2, t3, t4 = theta[1], theta[2], theta[3], theta[4]
+    c4, c3, c2, c1 = c[start - 4], c[start - 3], c[start - 2], c[start - 1]
     for j in range(start, w.size):
         # c1 enters last: it is the only term that depends on the sample before.
         now = (w[j] * scale - t4 * c4 - t3 * c3 - t2 * c2) - t1 * c1
@@ -247,7 +249,7 @@ def _substitute(d, head, root_f0, theta, c, level):
 
     After the head every row of R is √f0 (1, θ_1 … θ_4), and z beyond the last row is zero.
     """
-    _, t1, t2, t3, t4 = theta
+    t1, t2, t3, t4 = theta[1], theta[2], theta[3], theta[4]
     z1 = z2 = z3 = z4 = 0.0
     for j in range(c.size - 1, -1, -1):
         if j >= len(head):
