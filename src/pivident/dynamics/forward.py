@@ -138,9 +138,9 @@ def closed_states(
 
 
 def checked_states(robot: Robot, *signals: np.ndarray) -> list[np.ndarray]:
-    """Signals (samples, joints) as C arrays, shapes checked: the compiled loops do not."""
+    """Signals (samples, joints) as C arrays of their own, shapes checked: compiled loops do not."""
     wanted = (len(signals[0]), robot.size)
     if any(np.shape(x) != wanted for x in signals):
         shapes = ", ".join(str(np.shape(x)) for x in signals)
         raise UnusableValue(f"arrays have shapes {shapes}, (samples, joints) = {wanted} is needed")
-    return [np.ascontiguousarray(x, dtype=float) for x in signals]
+    return [np.array(x, dtype=float, order="C") for x in signals]

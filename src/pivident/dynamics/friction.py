@@ -28,7 +28,7 @@ from pivident.dynamics.friction_kernels import (
     values_at_states,
 )
 from pivident.dynamics.parameters import Parameter
-from pivident.foundation.compiled import kernel
+from pivident.foundation.compiled import kernel, read_only
 from pivident.foundation.errors import UnusableValue
 from pivident.foundation.text.plain_values import Name
 from pivident.robot.friction_column import SIGNS, evaluated
@@ -71,7 +71,7 @@ def memory_column(
 
     It is z, or d dz/dt = dq - |dq| z/g for the rate; ``shape`` is γ (not used), d, ρ, v_s, δ.
     """
-    q, dq = (np.ascontiguousarray(x, dtype=float) for x in (q, dq))
+    q, dq = (read_only(np.ascontiguousarray(x, dtype=float)) for x in (q, dq))
     out = np.empty(q.shape)
     _, distance, excess, speed, exponent = shape
     period = sampling_period(q, dq)

@@ -51,7 +51,7 @@ from pivident.robot.friction_terms.viscous import VISCOUS
 _LOAD, _PRESLIDING, _MAXWELL = int(LOAD), int(PRESLIDING), int(MAXWELL)
 
 #: Signs of entries of the path table that are functions of the position: of springs, of all.
-SPRINGS, OF_POSITION = int(SignFunction.SPRING), int(SignFunction.NONE)
+SPRINGS, OF_POSITION = rows(int(SignFunction.SPRING), int(SignFunction.NONE))
 
 #: Largest fl after clipping; at 1 friction would hold any torque.
 MAX_LOAD_SHARE = 0.9

@@ -19,6 +19,7 @@ from pivident.dynamics.friction import friction_column
 from pivident.dynamics.kernels import tree_of
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor_kernels import DENSE, PACKED, TORQUES, observe, tile_rows
+from pivident.foundation.compiled import read_only
 from pivident.foundation.errors import UnusableValue
 from pivident.foundation.scratch import working_array
 from pivident.foundation.text.display import Displayed
@@ -154,10 +155,10 @@ class Regressor(Displayed):
         Raises:
             ValueError: shapes that do not fit.
         """
-        q, dq, ddq = (np.ascontiguousarray(x, dtype=float) for x in (q, dq, ddq))
+        q, dq, ddq = (_in_order(x) for x in (q, dq, ddq))
         self._check_motion(q.T, dq.T, ddq.T)
         out, place = self._packed_out(out, place, q.shape[1])
-        own = self._inner_or_own(q, dq, ddq, inner)
+        own = _in_order(self._inner_or_own(q, dq, ddq, inner))
         observe(self._plan, _tile(self._plan), PACKED, place, _UNWEIGHTED, q, dq, ddq, own, out)
         return out
 
@@ -192,8 +193,8 @@ class Regressor(Displayed):
         own = self._inner_or_own(q.T, dq.T, ddq.T, inner)
 
         def block(part: slice) -> None:
-            x, dx, ddx = (_time_last(signal[part]) for signal in (q, dq, ddq))
-            inside = np.ascontiguousarray(own[:, part])
+            x, dx, ddx = (_in_order(signal[part].T) for signal in (q, dq, ddq))
+            inside = _in_order(own[:, part])
             tile = _tile(self._plan)
             observe(
                 self._plan, tile, DENSE, place, _UNWEIGHTED, x, dx, ddx, inside, flat[part]
@@ -299,9 +300,9 @@ class Regressor(Displayed):
         tau = working_array(q.shape)
 
         def block(part: slice) -> None:
-            x, dx, ddx = (_time_last(signal[part]) for signal in (q, dq, ddq))
+            x, dx, ddx = (_in_order(signal[part].T) for signal in (q, dq, ddq))
             torque = np.empty(x.shape)
-            inside = np.ascontiguousarray(inner[:, part])
+            inside = _in_order(inner[:, part])
             tile = _tile(self._plan)
             observe(
                 self._plan, tile, TORQUES, self.offsets, weights, x, dx, ddx, inside, torque
@@ -327,7 +328,7 @@ class Regressor(Displayed):
             return self.inner(q, dq, ddq, theta)
         if inner.shape != shape:
             raise UnusableValue(f"inner has shape {inner.shape}", advice=f"{shape} is needed")
-        return np.ascontiguousarray(inner, dtype=float)
+        return inner
 
     def _packed_out(
         self, out: np.ndarray | None, place: np.ndarray | None, samples: int
@@ -384,9 +385,9 @@ def _blocks(samples: int) -> list[slice]:
     return [slice(start, min(start + BLOCK, samples)) for start in range(0, samples, BLOCK)]
 
 
-def _time_last(signal: np.ndarray) -> np.ndarray:
-    """A signal (samples, joints) as contiguous array (joints, samples)."""
-    return np.ascontiguousarray(signal.T, dtype=float)
+def _in_order(signal: np.ndarray) -> np.ndarray:
+    """A signal (rows, samples) as ``observe`` is compiled for: contiguous, and not to be written."""
+    return read_only(np.ascontiguousarray(signal, dtype=float))
 
 
 def _possible_entries(robot: Robot, parameters: Sequence[Parameter]) -> Iterator[tuple[int, int]]:

@@ -50,7 +50,7 @@ def differences_at_instants(
 ) -> None:
     """Speeds and accelerations at the instants on a stretch of positions (joints, samples)."""
     for j in range(len(q)):
-        _differences_at_instants(q[j], rate, first, dq[j], ddq[j])
+        _differences_at_instants(q[j], float(rate), first, dq[j], ddq[j])
 
 
 @compiled()

@@ -153,6 +153,7 @@ class StreamingFilter:
         if self._predictors is None:
             self._predictors = lower_predictors(self._fir)
         scale = self._numerator[0] * self._taps[0]
+        seen = np.ascontiguousarray(seen)
         self._age = _begin_anew(inputs, seen, self._age, self._predictors * scale, out)
         return out
 

@@ -25,11 +25,14 @@ from pivident.dynamics.friction_table import (
 )
 from pivident.dynamics.kernels import bias_torque, composite_mass_matrix
 from pivident.dynamics.parameters import Parameter
-from pivident.foundation.compiled import inlined, kernel
+from pivident.foundation.compiled import inlined, kernel, rows
 from pivident.robot.description import Robot
 
 # Rows of ``ClosedRun.vectors``: of all joints speeds, friction, h + M γ, a row of M N, positions.
-_SPEED, FRICTION, BIAS, _CARRIED, POSITION, _ROWS = 0, 1, 2, 3, 4, 5
+_SPEED, FRICTION, BIAS, _CARRIED, POSITION, _ROWS = rows(0, 1, 2, 3, 4, 5)
+
+#: The only row of ``ClosedRun.slopes``.
+(_SLOPES,) = rows(0)
 
 
 class ClosedModel(NamedTuple):
@@ -112,7 +115,7 @@ def closed_bias(run, q, dq, bias):
     )  # fmt: skip
     friction_torque(
         friction.linear, friction.term_index, friction.term_value, friction.pair_index,
-        friction.pair_value, vectors, _SPEED, FRICTION, run.slopes, 0,
+        friction.pair_value, vectors, _SPEED, FRICTION, run.slopes, _SLOPES,
     )  # fmt: skip
     position_torque(
         friction.path_index, friction.path_value, vectors, POSITION, FRICTION, OF_POSITION
