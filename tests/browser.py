@@ -1,13 +1,15 @@
-"""A page on a phone, as headless Chromium shows it."""
+"""A page on a phone, as headless Chromium shows it: one browser, a fresh profile for each page."""
 
 import base64
 import contextlib
+import fcntl
 import json
 import os
 import re
 import shutil
 import signal
 import subprocess
+import tempfile
 import threading
 import zlib
 
@@ -19,13 +21,20 @@ PHONE = 390
 
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="chromium is not installed")
 
-#: Draws everything, as for a printer, and counts what came of it.
+#: Draws everything, and counts what came of it.
 DRAWN = """
-  dispatchEvent(new Event("beforeprint"));
-  const plots = [...document.querySelectorAll(".plot")];
-  const done = (plot) => plot.querySelector("svg.main-svg .trace path, svg.main-svg .hm image");
-  for (let k = 0; k < 300 && !plots.every(done); k += 1) await wait(100);
-  return { plots: plots.length, drawn: plots.filter(done).length };
+  await drawAll();
+  return { plots: plots().length, drawn: plots().filter(drawn).length };
+"""
+
+#: Comes to each figure of a part, which then draws itself.
+SCROLLED = """
+  const own = plots().filter((plot) => plot.closest("PART"));
+  for (const plot of own) {
+    plot.scrollIntoView({ block: "center", behavior: "instant" });
+    for (let k = 0; k < 300 && !drawn(plot); k += 1) await wait(50);
+  }
+  return { plots: own.length, drawn: own.filter(drawn).length };
 """
 
 FRAME = """<body style="margin:0"><iframe src="report.html" width="{width}" height="800"></iframe>
@@ -45,6 +54,15 @@ async function wait(milliseconds) {
   await new Promise((done) => setTimeout(done, milliseconds));
   for (let k = 0; k < 3; k += 1) await frame();
 }
+const plots = () => [...document.querySelectorAll(".plot")];
+const drawn = (plot) => plot.querySelector("svg.main-svg .trace path, svg.main-svg .hm image");
+// As for a printer, which draws once more what is drawn already; so it is asked but once.
+async function drawAll() {
+  if (plots().every(drawn)) return;
+  dispatchEvent(new Event("beforeprint"));
+  dispatchEvent(new Event("afterprint"));
+  for (let k = 0; k < 300 && !plots().every(drawn); k += 1) await wait(100);
+}
 addEventListener("load", async () => {
   let answer;
   try { answer = await (async () => { QUESTION })(); } catch (error) { errors.push(String(error)); }
@@ -54,9 +72,16 @@ addEventListener("load", async () => {
 </script></head>"""
 
 
-def seen_on_a_phone(text, folder):
-    """How many plots the page has and draws; fails on errors and on sideways scrolling."""
-    return asked(text, folder, DRAWN, PHONE)
+def seen_on_a_phone(text, folder, part=None):
+    """How many plots the page has and draws; fails on errors and on sideways scrolling.
+
+    Args:
+        text: the page.
+        folder: for files.
+        part: selector of what is drawn of it; all by default.
+    """
+    script = DRAWN if part is None else SCROLLED.replace("PART", part)
+    return asked(text, folder, script, PHONE)
 
 
 def asked(text, folder, script, width=1280):
@@ -65,11 +90,12 @@ def asked(text, folder, script, width=1280):
     Args:
         text: the page.
         folder: for files.
-        script: body of an asynchronous function; ``await wait(milliseconds)`` lets time pass.
+        script: body of an asynchronous function; ``await wait(milliseconds)`` lets time pass,
+            ``await drawAll()`` draws the figures that are not.
         width: of the window [px].
     """
     frame = framed(text, folder, QUESTION.replace("QUESTION", script), width)
-    found, log = told(frame, folder, width)
+    found, log = told(frame)
     assert found["errors"] == []
     assert not re.search(r"CONSOLE.*(error|refused|uncaught)", log, re.IGNORECASE)
     assert found["width"] == width
@@ -77,37 +103,95 @@ def asked(text, folder, script, width=1280):
     return found["answer"]
 
 
-def told(page, folder, width, seconds=240.0):
+def told(page, seconds=240.0):
     """What a page writes to its console behind ``ANSWER``, in real time, and all that went before.
 
     Frames are painted as for a reader, which virtual time does not promise.
     """
-    command = [*browser(folder, width), page.as_uri()]
-    process = subprocess.Popen(
-        command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True
-    )
-    stop = threading.Timer(seconds, os.killpg, (process.pid, signal.SIGKILL))
+    browser = running_browser()
+    stop = threading.Timer(seconds, browser.kill)
     stop.start()
     lines = []
     try:
-        for line in process.stderr:
-            lines.append(line.decode("utf-8", "replace"))
-            found = re.search(r"ANSWER([A-Za-z0-9+/=]+)", lines[-1])
-            if found:
-                return json.loads(base64.b64decode(found.group(1))), "".join(lines[:-1])
-        raise AssertionError("the page did not answer:\n" + "".join(lines))
+        with browser.tab(page.as_uri()):
+            for line in browser.process.stderr:
+                lines.append(line.decode("utf-8", "replace"))
+                found = re.search(r"ANSWER([A-Za-z0-9+/=]+)", lines[-1])
+                if found:
+                    return json.loads(base64.b64decode(found.group(1))), "".join(lines[:-1])
+            raise AssertionError("the page did not answer:\n" + "".join(lines))
     finally:
         stop.cancel()
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        process.stderr.close()
+
+
+def renumbered(end):
+    """An end of a pipe that is neither 3 nor 4, where a browser listens and answers."""
+    higher = fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10)
+    os.close(end)
+    return higher
+
+
+class Browser:
+    """A browser that is told over a pipe what to open, and ends with whoever holds the pipe."""
+
+    def __init__(self):
+        self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        (listens, tells), (answers, replies) = (map(renumbered, os.pipe()) for _ in range(2))
+
+        def takes_its_ends():
+            os.dup2(listens, 3)
+            os.dup2(replies, 4)
+
+        self.process = subprocess.Popen(
+            [*command_line(self._profile.name, 1300), "--remote-debugging-pipe", "about:blank"],
+            stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True,
+            preexec_fn=takes_its_ends, pass_fds=(3, 4),
+        )  # fmt: skip
+        os.close(listens)
+        os.close(replies)
+        self._tells, self._answers = os.fdopen(tells, "wb"), os.fdopen(answers, "rb")
+        self._asked = 0
+
+    def tell(self, method, **parameters):
+        """The answer to a command of the protocol of Chromium's developer tools."""
+        self._asked += 1
+        message = {"id": self._asked, "method": method, "params": parameters}
+        self._tells.write(json.dumps(message).encode() + b"\0")
+        self._tells.flush()
+        while True:
+            answer = json.loads(b"".join(iter(lambda: self._answers.read(1), b"\0")))
+            if answer.get("id") == self._asked:
+                return answer["result"]
+
+    @contextlib.contextmanager
+    def tab(self, address):
+        """A page is open, and has met no other."""
+        own = self.tell("Target.createBrowserContext")
+        self.tell("Target.createTarget", url=address, **own)
+        yield
+        self.tell("Target.disposeBrowserContext", **own)
+
+    def kill(self):
+        """End it at once."""
+        os.killpg(self.process.pid, signal.SIGKILL)
+
+
+_BROWSERS = []
+
+
+def running_browser():
+    """The browser of all pages of this process; another one if it has been killed."""
+    if not _BROWSERS or _BROWSERS[-1].process.poll() is not None:
+        _BROWSERS[:] = [Browser()]
+    return _BROWSERS[0]
 
 
 def words_printed(text, folder):
     """How many pieces of text each printed page of a page has, shape (pages,)."""
     page, paper = folder / "printed.html", folder / "printed.pdf"
     page.write_text(text, encoding="utf-8")
-    command = [*browser(folder, 800), f"--print-to-pdf={paper}", "--no-pdf-header-footer"]
+    command = command_line(folder / "profile", 800)
+    command += [f"--print-to-pdf={paper}", "--no-pdf-header-footer"]
     subprocess.run([*command, page.as_uri()], capture_output=True, timeout=120, check=True)
     counts = []
     for stream in re.findall(rb"stream\r?\n(.*?)endstream", paper.read_bytes(), re.DOTALL):
@@ -125,7 +209,7 @@ def framed(text, folder, probe, width):
     return frame
 
 
-def browser(folder, width):
+def command_line(profile, width):
     """Command line of the browser, without what it should do."""
     return [
         BROWSER,
@@ -133,8 +217,9 @@ def browser(folder, width):
         "--no-sandbox",
         "--disable-gpu",
         "--disable-background-networking",
+        "--disable-features=SpareRendererForSitePerProcess",
         "--hide-scrollbars",
         "--enable-logging=stderr",
         f"--window-size={width + 20},900",
-        f"--user-data-dir={folder / 'profile'}",
+        f"--user-data-dir={profile}",
     ]

@@ -15,7 +15,7 @@ from pivident.studies.many.fleet.conclusion import conclude_fleet
 from pivident.studies.many.fleet.identify_fleet import identify_fleet
 from pivident.studies.many.study.conclusion import conclude_study
 from pivident.studies.many.study.run import run_study
-from tests.browser import PHONE, asked, needs_browser
+from tests.browser import asked, needs_browser, seen_on_a_phone
 from tests.studies.comparison.results import result
 from tests.studies.flexibility.flexible_joint import record
 from tests.studies.friction.made_up import friction_torque
@@ -83,7 +83,7 @@ def test_the_frame_is_that_of_the_report(text, tmp_path):
 
 
 def test_a_phone_shows_all_of_it(text, tmp_path):
-    found = asked(text, tmp_path, question("structure").replace("await", "return await", 1), PHONE)
+    found = seen_on_a_phone(text, tmp_path)
     assert found["drawn"] == found["plots"] >= 1
 
 

@@ -131,7 +131,6 @@ def template(name):
 def test_a_phone_shows_the_same(tmp_path):
     """All figures are drawn, nothing scrolls sideways; also of instruments of given motion."""
     results = [
-        synthetic_identification("IDIM-LS", seed=3),
         synthetic_identification("IDIM-IV", seed=4, loop=synthetic_loop("law")),
         synthetic_identification("IDIM-PIV", seed=5, loop=synthetic_loop("moves")),
     ]

@@ -20,11 +20,11 @@ const luminance = (rgb) => {
 };
 const low = new Set();
 let texts = 0;
-dispatchEvent(new Event("beforeprint"));
-dispatchEvent(new Event("afterprint"));
+document.querySelector("[data-theme-choice=light]").click();
+await drawAll();
 document.querySelectorAll("details").forEach((part) => { part.open = true; });
 for (const theme of ["light", "dark"]) {
-  document.querySelector(`[data-theme-choice=${theme}]`).click();
+  if (theme === "dark") document.querySelector("[data-theme-choice=dark]").click();
   await wait(600);
   backgrounds.clear();
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
@@ -33,9 +33,9 @@ for (const theme of ["light", "dark"]) {
     if (!walker.currentNode.data.trim() || element.closest("script, noscript, style, .heatmap-label")) continue;
     if (!element.checkVisibility({ visibilityProperty: true, opacityProperty: true })) continue;
     const style = getComputedStyle(element);
-    const drawn = element.closest("svg");
-    const under = background(drawn ?? element);
-    const ink = over(numbers(drawn ? style.fill : style.color), under);
+    const figure = element.closest("svg");
+    const under = background(figure ?? element);
+    const ink = over(numbers(figure ? style.fill : style.color), under);
     const [light, dark] = [luminance(ink), luminance(under)].sort((a, b) => b - a);
     const ratio = (light + 0.05) / (dark + 0.05);
     const size = parseFloat(style.fontSize), bold = Number(style.fontWeight) >= 700;

@@ -1,8 +1,6 @@
 // Words, names and order: what assistive technology is told.
 const all = (selector) => [...document.querySelectorAll(selector)];
-dispatchEvent(new Event("beforeprint"));
-dispatchEvent(new Event("afterprint"));
-await wait(500);
+await drawAll();
 const levels = all("h1, h2, h3, h4, h5, h6").map((heading) => Number(heading.tagName[1]));
 const named = (element) => element.getAttribute("aria-label") || element.getAttribute("aria-labelledby") ||
   element.labels?.length || element.textContent.trim();
@@ -12,8 +10,8 @@ for (const link of all("a[download]")) {
   files.push([link.download, text.length, text.slice(0, 60)]);
 }
 return {
-  plots: all(".plot").length,
-  drawn: all(".plot").filter((plot) => plot.querySelector("svg.main-svg .trace path, svg.main-svg .hm image")).length,
+  plots: plots().length,
+  drawn: plots().filter(drawn).length,
   jumps: levels.filter((level, k) => level > (levels[k - 1] ?? 0) + 1).length,
   titles: levels.filter((level) => level === 1).length,
   dead: all("a[href^='#']").filter((a) => !document.getElementById(a.hash.slice(1))).map((a) => a.hash),

@@ -1,7 +1,6 @@
 // Tools above a figure: closer, wider, sideways, all of it, and an image, without a mouse.
-const sections = ["torque", "spectra", "correlations", "closed-loop", "filters", "prefilters"];
 const found = {};
-for (const name of sections) {
+for (const name of SECTIONS) {
   const plot = [...document.querySelectorAll(`#${name} .plot`)].find((own) => own.checkVisibility());
   plot.scrollIntoView({ block: "center", behavior: "instant" });
   await wait(300);
