@@ -55,13 +55,13 @@ def write_log(path, text=None, values=TRUE, seconds=7.0, first=0.0, hard=True):
     model = with_values(text or model_text(), values, hard).compile()
     data, rng = mujoco.MjData(model), np.random.default_rng(4)
     rows = []
-    for k in range(round(seconds * RATE)):
-        t = k / RATE
-        command = commands(np.array([t]))[0]
-        rows.append([t, *(data.qpos + 1e-5 * rng.standard_normal(2)), *command])
-        for step in range(STEPS):
-            data.ctrl[:2] = commands(np.array([t + step / STEPS / RATE]))[0]
-            mujoco.mj_step(model, data)
+    steps = np.arange(round(seconds * RATE) * STEPS)
+    for step, command in zip(steps, commands(steps / STEPS / RATE), strict=True):
+        if step % STEPS == 0:
+            t = step / STEPS / RATE
+            rows.append([t, *(data.qpos + 1e-5 * rng.standard_normal(2)), *command])
+        data.ctrl[:2] = command
+        mujoco.mj_step(model, data)
     rows = [row for row in rows if row[0] >= first - 1e-9]
     lines = [",".join(f"{x:.7f}" for x in row) for row in rows]
     head = "time,shoulder_pos,elbow_pos,shoulder_cmd,elbow_cmd"
