@@ -1,5 +1,7 @@
 """One flexible joint in its loop, with and without excitation of its resonance."""
 
+from functools import cache
+
 import numpy as np
 
 from pivident.studies.flexibility.simulated_joint import (
@@ -38,6 +40,7 @@ def smooth_motion(duration=10.0):
     return ramp * (0.6 * np.sin(2 * np.pi * 0.2 * t) + 0.3 * np.sin(2 * np.pi * 0.5 * t + 1))
 
 
+@cache  # read only
 def multisine(top, duration=10.0, seed=0):
     """Sines of random phase on every tenth of a hertz."""
     t = np.arange(int(duration * RATE)) / RATE

@@ -1,6 +1,7 @@
 """One flexible joint on a multisine that repeats, at several postures, and what it records."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -14,6 +15,7 @@ PERIOD, PERIODS = 5.0, 5
 LOADS = (60.0, 90.0, 140.0)
 
 
+@cache  # read only
 def periodic_reference(top: float = 30.0, seed: int = 0, periods: int = PERIODS) -> np.ndarray:
     """A slow sine and lines from 1 Hz to ``top`` [Hz], over and over, shape (samples,) [rad]."""
     t = np.arange(round(PERIOD * RATE)) / RATE

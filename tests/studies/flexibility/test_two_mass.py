@@ -15,9 +15,10 @@ def truth(estimate, joint=JOINT):
     return np.array([getattr(joint, name) for name in estimate.names])
 
 
-def test_intervals_cover_the_truth_on_fifty_records():
+def test_intervals_cover_the_truth_on_many_records():
+    """Standard errors a quarter too small would cover 0.86; a mean has one of 1/√25."""
     scores = []
-    for seed in range(50):
+    for seed in range(25):
         found = identify_two_mass(record(seed))
         assert found.converged and found.instrumented
         scores.append((found.theta - truth(found)) / found.std)
@@ -26,8 +27,7 @@ def test_intervals_cover_the_truth_on_fifty_records():
     wanted = [names.index(n) for n in ("stiffness", "damping", "motor_inertia", "load_inertia")]
     assert 0.90 <= covered[:, wanted].mean() <= 0.99
     assert 0.90 <= covered.mean() <= 0.99
-    # Every mean is within what fifty records allow.
-    assert np.abs(np.mean(scores, axis=0)).max() < 4 / np.sqrt(50)
+    assert np.abs(np.mean(scores, axis=0)).max() < 3 / np.sqrt(25)
 
 
 def test_instruments_keep_rough_encoders_from_spoiling_it():

@@ -89,9 +89,12 @@ def test_spectrum_is_that_of_least_squares():
 
 
 def test_planted_ripple_is_found_within_its_interval():
-    """50 records of coloured noise, two orders: 95 % intervals cover in 88 to 100 %."""
+    """Records of coloured noise, three orders: 95 % intervals cover in 88 to 100 %.
+
+    Intervals of two thirds of their width would cover in 81 %.
+    """
     covered, orders, missed = [], [], 0
-    for seed in range(50):
+    for seed in range(25):
         rng = np.random.default_rng(1000 + seed)
         order, size = rng.choice([40.0, 60.0, 77.3]), rng.uniform(0.05, 0.12)
         made = record(seed, cosine(order, size, rng.uniform(-3, 3)), joints=1)
@@ -108,15 +111,15 @@ def test_planted_ripple_is_found_within_its_interval():
 
 
 def test_false_alarms_under_coloured_residuals():
-    """Of 400 joints without ripple, 5 % ± the width of chance have a line."""
+    """Of 200 joints without ripple, 5 % ± the width of chance have a line."""
     alarms = sum(
         bool(joint.lines)
-        for seed in range(200)
+        for seed in range(100)
         for joint in found_in(
             record(5000 + seed, seconds=4.0), lag=0.0, most=1, highest=200.0
         ).joints
     )
-    assert 0.03 <= alarms / 400 <= 0.07
+    assert 0.03 <= alarms / 200 <= 0.07
 
 
 def test_mains_are_no_ripple():

@@ -48,15 +48,15 @@ BASE = FrictionLaw((viscous(), coulomb(), offset()))
 NOISE = Noise(encoder=2e-7, torque=0.3)
 
 
-def problem(name, seed=0):
-    return Axis(CASES[name].truth, noise=NOISE).problem(BASE, seed)
+def problem(name, seed=0, seconds=12.0):
+    return Axis(CASES[name].truth, seconds, NOISE).problem(BASE, seed)
 
 
 @pytest.mark.parametrize(
     ("name", "change"), [("Coulomb", "present law"), ("Stribeck", "Stribeck"), ("load", "load")]
 )
 def test_finds_the_law_that_was_there(name, change):
-    choice = choose_laws(problem(name)).joint("axis")
+    choice = choose_laws(problem(name, seconds=6.0)).joint("axis")
     assert choice.chosen.name == change
     assert name == "Coulomb" or choice.rejected(choice.base)
 
@@ -71,7 +71,7 @@ def test_rows_of_other_estimators(method):
 
 
 def test_memory_is_told_from_smooth_friction():
-    changes = choose_laws(problem("Dahl"), depth=1)
+    changes = choose_laws(problem("Dahl", seconds=6.0), depth=1)
     choice = changes.joint("axis")
     assert choice.chosen.name == "Dahl"
     assert choice.chosen.law.with_shapes({}).shapes[0].value == pytest.approx(0.01, rel=0.05)

@@ -26,7 +26,7 @@ METHOD = LeastSquares(signals=RandomWalk())
 @cache  # by arguments as they are written: none is left out in a call
 def chosen(seed, rich, motions):
     """The arm, its problem, and the laws chosen from some of its motions."""
-    made, plan = friction_arm(seed, rich, 3), programmes(seed)
+    made, plan = friction_arm(seed, rich, 3), programmes(seed, seconds=15.0)
     problem = made.problem({k: plan[k] for k in motions})
     return made, plan, problem, choose_laws(problem)
 

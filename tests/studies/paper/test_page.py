@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from pivident.studies.many.batch.runner import GivenExecutor
+from pivident.studies.many.study.scenario import load_scenario
+from pivident.studies.paper import experiment
 from pivident.studies.paper.claims import IV, LS, PIV, PRINTED, Claim, Judged, verdicts
 from pivident.studies.paper.equations import EQUATIONS
 from pivident.studies.paper.experiment import READINGS
@@ -22,11 +24,15 @@ pytest.importorskip("polars")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
+    """The experiment on motions of half their length, which shows the pattern as well."""
     place = tmp_path_factory.mktemp("paper")
-    with ThreadPoolExecutor(1) as executor:  # each reading would start processes of its own
+    shorter = load_scenario("paper").changed(trajectory={"duration": 3.5})
+    with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(1) as executor:
+        patch.setattr(experiment, "_loaded", lambda name: shorter)
+        # each reading would start processes of its own
         made = make_page(place, quick=True, pool=GivenExecutor(executor, 1))
-    assert made == place / "paper.html"
-    return place
+        assert made == place / "paper.html"
+        yield place
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from pivident.studies.payload.arm_and_load import KnownParts, load_columns
 from pivident.studies.payload.identify_payload import identify_payload
 from tests.load_scenario import LOAD, tx40_with_load
 
-SAMPLES = 9000
+SAMPLES = 6000
 TRUE = LOAD.known()
 
 
