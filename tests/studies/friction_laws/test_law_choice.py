@@ -53,10 +53,12 @@ def problem(name, seed=0, seconds=12.0):
 
 
 @pytest.mark.parametrize(
-    ("name", "change"), [("Coulomb", "present law"), ("Stribeck", "Stribeck"), ("load", "load")]
+    ("name", "change", "seconds"),
+    [("Coulomb", "present law", 6.0), ("Stribeck", "Stribeck", 12.0), ("load", "load", 6.0)],
 )
-def test_finds_the_law_that_was_there(name, change):
-    choice = choose_laws(problem(name, seconds=6.0)).joint("axis")
+def test_finds_the_law_that_was_there(name, change, seconds):
+    """Half a record does, but for the few slow reversals that show the excess of Stribeck."""
+    choice = choose_laws(problem(name, seconds=seconds)).joint("axis")
     assert choice.chosen.name == change
     assert name == "Coulomb" or choice.rejected(choice.base)
 
