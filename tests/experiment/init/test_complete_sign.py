@@ -10,7 +10,7 @@ from pivident.experiment.init.draft import draft_experiment
 from pivident.foundation.text.toml import parse_toml
 from tests.other_arms import Setting, make_log, torque_of
 
-SETTING = Setting(clock="regular", rate=200.0, seconds=20.0, stops=0.5, torque_noise=0.002)
+SETTING = Setting(clock="regular", rate=200.0, seconds=12.0, stops=0.5, torque_noise=0.002)
 
 
 def draft_of(log, folder):

@@ -36,7 +36,7 @@ def first_file(made: ArmLog, folder):
 
 @pytest.mark.parametrize("clock", ["regular", "alternating", "jitter"])
 def test_speeds_of_a_sensor_of_their_own_make_instruments(clock, tmp_path):
-    made = make_log(5, Setting(clock, 1000 / 11, 30.0, 0.0, speed="none"))
+    made = make_log(5, Setting(clock, 1000 / 11, 20.0, 0.0, speed="none"))
     out, draft = first_file(with_speeds(made, np.rad2deg(tachometers(made))), tmp_path)
     line = next(a for a in draft.assumptions if (a.table, a.key) == ("recording.columns", "dq"))
     assert "not that of the positions" in line.seen and line.value[0] == "dq_axis_1"
@@ -60,7 +60,7 @@ def test_speeds_that_a_drive_makes_of_its_positions_check_the_clock(clock, tmp_p
 
 
 def test_speeds_with_gaps_are_left_out(tmp_path):
-    made = make_log(5, Setting("regular", 1000 / 11, 30.0, 0.0, speed="none"))
+    made = make_log(5, Setting("regular", 1000 / 11, 20.0, 0.0, speed="none"))
     speeds = tachometers(made)
     speeds[700:703] = np.nan
     out, _ = first_file(with_speeds(made, speeds), tmp_path)
