@@ -1,5 +1,6 @@
 """The open-loop protocol of benchmarks/emps_leaderboard.py: score, initial state, choice."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -8,7 +9,6 @@ import pytest
 from benchmarks import emps_leaderboard as leaderboard
 from benchmarks.emps_laws import TWO_SLOPES, Candidate, laws
 from benchmarks.open_loop_model import GIVEN, Stretch, rms
-from scipy.integrate import solve_ivp
 
 from pivident.data.recording.recording import Recording
 from pivident.foundation.errors import ExperimentError
@@ -23,24 +23,34 @@ def drive_input(samples):
     return 3.0 * np.sin(2.0 * np.pi * 3.1 * t) + 1.5 * np.sign(np.sin(2.0 * np.pi * 1.1 * t))
 
 
-def carriage(t, state, force):
-    """Motion with two slopes, Coulomb friction and an offset: the law, written a second time."""
-    v = state[1]
+def acceleration(v, force):
+    """Two slopes, Coulomb friction and an offset: the law, written a second time."""
     slope = TRUTH["fvp1"] if v > 0.0 else TRUTH["fvn1"]
-    dry = TRUTH["fc1"] * 2.0 / np.pi * np.arctan(2000.0 * v) + TRUTH["off1"]
-    return [v, (force - slope * v - dry) / TRUTH["m1"]]
+    dry = TRUTH["fc1"] * 2.0 / np.pi * math.atan(2000.0 * v) + TRUTH["off1"]
+    return (force - slope * v - dry) / TRUTH["m1"]
+
+
+def moved(q, v, force, h):
+    """A step of Runge and Kutta, to fourth order."""
+    first = acceleration(v, force)
+    second = acceleration(v + 0.5 * h * first, force)
+    third = acceleration(v + 0.5 * h * second, force)
+    last = acceleration(v + h * third, force)
+    q += h * v + h**2 * (first + second + third) / 6.0
+    return q, v + h * (first + 2.0 * (second + third) + last) / 6.0
 
 
 @pytest.fixture(scope="module")
 def simulated():
-    """A record of the true carriage by an independent integrator, the input held each sample."""
-    u, state, q = drive_input(1500), np.array([0.05, 0.02]), []
-    for force in GAIN * u:
+    """A record of the true carriage by an independent integrator, the input held each sample.
+
+    Ten steps a sample are exact to a tenth of a nanometre.
+    """
+    u, state, q = drive_input(1500), (0.05, 0.02), []
+    for force in (GAIN * u).tolist():
         q.append(state[0])
-        answer = solve_ivp(
-            carriage, (0.0, 1.0 / RATE), state, args=(force,), rtol=1e-8, atol=1e-11, method="LSODA"
-        )
-        state = answer.y[:, -1]
+        for _ in range(10):
+            state = moved(*state, force, 0.1 / RATE)
     return Recording(
         name="simulated", joint_names=("carriage",), rate=RATE, q=np.array(q)[:, None],
         tau=(GAIN * u)[:, None], torque_timing="held",
