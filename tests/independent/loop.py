@@ -46,7 +46,7 @@ def friction_of(v, theta, columns, slope):
     torque = np.zeros(len(v))
     slope[:] = 0.0
     for k in range(len(theta)):
-        kind, j = columns[k]
+        kind, j = columns[k, 0], columns[k, 1]
         if kind == VISCOUS:
             torque[j] += theta[k] * v[j]
             slope[j, j] += theta[k]
@@ -60,15 +60,38 @@ def friction_of(v, theta, columns, slope):
             slope[5, 4] += theta[k]
         elif kind == COULOMB_MOTOR:
             both = v[4] + v[5]
-            torque[4:6] += theta[k] * 2 / np.pi * np.arctan(GAMMA * both)
-            slope[4:6, 4:6] += theta[k] * 2 / np.pi * GAMMA / (1 + (GAMMA * both) ** 2)
+            for i in (4, 5):
+                torque[i] += theta[k] * 2 / np.pi * np.arctan(GAMMA * both)
+                for m in (4, 5):
+                    slope[i, m] += theta[k] * 2 / np.pi * GAMMA / (1 + (GAMMA * both) ** 2)
     return torque
 
 
 @numba.njit(cache=True)
 def counted(q, count):
     """Positions as an encoder counts them; as they are where a count is zero."""
-    return np.where(count > 0, np.round(q / np.where(count > 0, count, 1.0)) * count, q)
+    read = q.copy()
+    for j in range(len(q)):
+        if count[j] > 0:
+            read[j] = np.rint(q[j] / count[j]) * count[j]
+    return read
+
+
+@numba.njit(cache=True)
+def solved(matrix, right):
+    """Solution of equations with a positive definite matrix, by elimination without pivots."""
+    size, left, x = len(right), matrix.copy(), right.copy()
+    for k in range(size):
+        for i in range(k + 1, size):
+            share = left[i, k] / left[k, k]
+            for j in range(k + 1, size):
+                left[i, j] -= share * left[k, j]
+            x[i] -= share * x[k]
+    for k in range(size - 1, -1, -1):
+        for j in range(k + 1, size):
+            x[k] -= left[k, j] * x[j]
+        x[k] /= left[k, k]
+    return x
 
 
 @numba.njit(cache=True)
@@ -109,7 +132,7 @@ def run(theta, start, q_r, dq_r, noise, count, kp, kd, ki, lag, step, first, col
             short = mass @ (v - dq[i]) - step * (
                 drive - friction_of(0.5 * (v + dq[i]), theta, columns, slope)
             )
-            change = np.linalg.solve(mass + 0.5 * step * slope, short)
+            change = solved(mass + 0.5 * step * slope, short)
             v = v - change
             if np.max(np.abs(change)) < 1e-10:
                 break
@@ -136,7 +159,8 @@ def simulated(
     count = nothing if count is None else count
     law = record.kp, record.kd, record.ki, record.lag, step
     start = np.stack([record.q_r[0], record.dq_r[0]]) if start is None else start
-    q, dq, tau = run(theta, start, record.q_r, record.dq_r, noise, count, *law, nothing, COLUMNS)
+    q_r, dq_r = np.array(record.q_r), np.array(record.dq_r)  # numba compiles read-only ones anew
+    q, dq, tau = run(theta, start, q_r, dq_r, noise, count, *law, nothing, COLUMNS)
     if not np.isfinite(q).all():
         lost = int(np.flatnonzero(~np.isfinite(q).all(axis=1))[0])
         raise ArithmeticError(f"The simulated arm runs away at {lost * step:.3g} s.")

@@ -94,7 +94,8 @@ def test_a_horizon_cuts_the_record(carriage, horizon, count):
 def test_a_run_that_diverges_begins_shorter_and_grows_again(carriage):
     """From a start without friction the carriage leaves its rail; shorter runs lead back."""
     slippery = {"m1r": 30.0, "fvp1": 1.0, "fvn1": 1.0, "fc1": 0.0, "off1": 0.0}
-    own = replace(carriage[1], initial=slippery)
+    two_periods = carriage[1].recordings[0].part(0, 2 * free_run.PERIOD)
+    own = replace(carriage[1], recordings=(two_periods,), initial=slippery)
     said = []
     found = identify(own, replace(OLOE, horizon="record", start="initial"), said.append)
     assert any("diverge, begun with half" in str(line) for line in said)
@@ -123,9 +124,11 @@ def test_a_closed_loop_begins_anew_where_its_law_has_no_memory():
         identify(problem(law=law), OutputError("positions", horizon=1.0))
 
 
-def test_fewer_kinds_of_moves_than_unknowns_give_variances_alone(carriage, monkeypatch):
+def test_fewer_kinds_of_moves_than_unknowns_give_variances_alone(
+    carriage, over_record, monkeypatch
+):
     """The covariance of five estimates has a rank of four, and no inverse of five unknowns."""
-    whole = identify(carriage[1], OLOE)
+    whole = over_record
     monkeypatch.setattr(record_stretches, "MAX_KINDS", 5)
     few = identify(carriage[1], OLOE)
     assert np.linalg.matrix_rank(few.covariance / np.outer(few.std, few.std), tol=1e-9) == 5
