@@ -85,7 +85,7 @@ def test_runs_over_the_record_simulate_it_better_than_runs_over_moves(outcomes):
 
 @pytest.mark.parametrize(("horizon", "count"), [("moves", 32), (7.0, 4), ("record", 1)])
 def test_a_horizon_cuts_the_record(carriage, horizon, count):
-    found = identify(carriage[1], replace(OLOE, horizon=horizon))
+    found = identify(carriage[1], replace(OLOE, horizon=horizon, max_iterations=1))
     assert len(found.simulation.fit.stretches) == count
     longest = max(own.samples for own in found.simulation.fit.stretches)
     assert found.simulation.horizon == pytest.approx(longest / 1000.0)
