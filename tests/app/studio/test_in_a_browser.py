@@ -116,7 +116,7 @@ def answer_questions(page):
         for group in questions.locator("fieldset").all():
             group.locator("input").first.check()
         questions.get_by_role("button", name="Answer").click()
-        page.wait_for_timeout(500)
+        questions.wait_for(state="detached")
 
 
 def unfold(page, group):
@@ -248,9 +248,19 @@ def test_what_has_the_focus_is_brought_up_to_date(tmp_path, studio, browsing):
         ticked.focus()
         ticked.click()
         is_ticked = ticked.is_checked()
+        shown = page.locator("[data-piece=run]").get_attribute("data-key")
         path.write_text(text + "[nothing]\n", encoding="utf-8")
-        page.wait_for_timeout(4_000)
+        while (state := told(page))["busy"] or state["keys"]["run"] == shown:
+            pass
+        told(page)  # the page asks again once it has done what it does about the answer before
         assert page.locator("#run .remark").count() == 0 and ticked.is_checked() == is_ticked
+
+
+def told(page):
+    """What the server answers next to the page's question for news."""
+    with page.expect_response("**/state") as answer:
+        pass
+    return answer.value.json()
 
 
 def test_one_change_is_one_request(planar, studio, browsing):

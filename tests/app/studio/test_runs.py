@@ -134,13 +134,15 @@ def test_a_command_that_does_not_listen_is_killed(project, runs):
     forks = "import subprocess, sys; subprocess.Popen([sys.executable, '-c', 'import time; "
     forks += "time.sleep(1000)', 'child of pivident'])\n"
     (project / "script.py").write_text(stubborn + forks + "import os\n" + WAITS)
+    (project / "hurry").touch()
     run = runs.add(project, "identify", {})
     wait_for((project / "begun").exists)
     begin = time.monotonic()
     runs.cancel(project, run)
     found = ended(runs, project, run)
     assert found["state"] == "cancelled" and "killed" in found["message"]
-    assert time.monotonic() - begin >= 10.0  # it had its time
+    # it had its ten seconds, by a clock that is ten times as fast
+    assert time.monotonic() - begin >= 1.0
     wait_for(lambda: processes_in(project) == [])
 
 
