@@ -90,7 +90,7 @@ def seven_axis_log() -> None:
     """`log.csv` of a seven-axis arm with torque sensors behind its gears, and `arm.urdf`."""
     from tests.seven_axis_arm import seven_axis_log as made, write_log
 
-    log = made(3, seconds=10.0, bearings=0.1)
+    log = made(3, seconds=6.0, bearings=0.1)
     write_log(Path(), log, log.tau_link)
 
 
@@ -170,7 +170,7 @@ def planar_fleet() -> None:
     """`logs` of two planar arms over some days with `logs/fleet.toml`, which is `arm.toml` too."""
     from tests.studies.many.fleet.planar_fleet import TEMPLATE, write_fleet
 
-    write_fleet(Path("logs"), robots=2, days=5)
+    write_fleet(Path("logs"), robots=2, days=3)
     Path("arm.toml").write_text(TEMPLATE, encoding="utf-8")
 
 

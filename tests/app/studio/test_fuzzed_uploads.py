@@ -37,7 +37,7 @@ def test_the_fuzzed_corpus(tmp_path):
             end = time.monotonic() + 240
             while client.get(f"/p/{name}/state").json()["busy"]:
                 assert time.monotonic() < end, name
-                time.sleep(0.05)
+                time.sleep(0.2)
             found = client.get(f"/p/{name}")  # with its parts, of checks and of files among them
             assert found.status_code == 200, (name, found.text)
             assert 'id="files"' in found.text and 'id="checks"' in found.text

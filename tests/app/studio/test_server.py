@@ -114,7 +114,7 @@ def wait_for(client, done, seconds=120.0):
     end = time.monotonic() + seconds
     while not done():
         assert time.monotonic() < end
-        time.sleep(0.05)
+        time.sleep(0.1)
 
 
 def bodies_of(page, address):
