@@ -3,6 +3,7 @@
 import ast
 import copy
 import pickle
+from functools import cache
 
 import pytest
 
@@ -54,21 +55,21 @@ def pieces(node):
     return [node]
 
 
-def is_error(called):
-    """Whether a call makes an error, of its kind or of that of its parent, or raises its part."""
+def is_error(maker):
+    """Whether what is called makes an error, of its kind or of that of its parent, or its part."""
+    last = getattr(maker, "attr", getattr(maker, "id", ""))
+    if not last.endswith(("Error", "UnusableValue", "__init__", "of_part")):
+        return False
     makers = ("Error", "Error.__init__", "Error.of_part", "UnusableValue", "super().__init__")
+    called = ast.unparse(maker)
     return called.endswith(makers) and called != "KeyError"  # whose text is a repr
 
 
-def test_no_error_is_made_with_both_in_one_sentence():
-    joined = [
-        f"{name}:{node.lineno}"
-        for name, tree in trees()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and node.args and is_error(ast.unparse(node.func))
-        if any("; " in text for part in pieces(node.args[0]) for text in literal_parts(part))
-    ]
-    assert joined == []
+def joins(node):
+    """Whether an expression makes an error with what was seen and what to do in one sentence."""
+    if not (isinstance(node, ast.Call) and node.args and is_error(node.func)):
+        return False
+    return any("; " in text for part in pieces(node.args[0]) for text in literal_parts(part))
 
 
 def is_sentence(node):
@@ -89,14 +90,24 @@ def reads(node):
     return False
 
 
+@cache
+def found():
+    """Where an error is made of one sentence, and where a message is read: by one walk."""
+    places = ([], [])
+    for name, tree in trees():
+        for node in ast.walk(tree):
+            for wrong, own in zip((joins, reads), places, strict=True):
+                if wrong(node):
+                    own.append(f"{name}:{node.lineno}: {ast.unparse(node)}")
+    return places
+
+
+def test_no_error_is_made_with_both_in_one_sentence():
+    assert found()[0] == []
+
+
 def test_no_program_code_reads_a_message():
-    readers = [
-        f"{name}:{node.lineno}: {ast.unparse(node)}"
-        for name, tree in trees()
-        for node in ast.walk(tree)
-        if reads(node)
-    ]
-    assert readers == []
+    assert found()[1] == []
 
 
 @pytest.mark.parametrize("kind", [ExperimentError, RecordingError, UnusableValue])
