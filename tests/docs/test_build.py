@@ -14,14 +14,24 @@ from equation_code import MissingObject, object_named, tied_names
 
 THEORY = DOCS / "theory"
 
-#: Sphinx, but for the 280 pages of sources that its links lead to: `make docs` has them, and the
-#: contents of every page that functions add to, which take as long as all the rest.
+#: Sphinx, but for what `make docs` has beside the pages themselves and what takes half of its time:
+#: 280 pages of sources that links lead to, the contents of every page that functions add to, the
+#: list of all pages in the margin of each, which the theme makes anew for each of them, the index
+#: and its search. A name is looked for once among all objects, not for every type of an argument.
 SPHINX = """
-import sys
+import functools, gc, sys
+import furo
+from sphinx.builders.html import StandaloneHTMLBuilder
 from sphinx.cmd.build import main
+from sphinx.domains.python import PythonDomain
 from sphinx.ext import viewcode
+gc.set_threshold(100_000, 50, 50)
 viewcode.collect_pages = lambda app: iter(())
-sys.exit(main([*sys.argv[1:], "-D", "toc_object_entries=0"]))
+furo._compute_navigation_tree = lambda context: ""
+StandaloneHTMLBuilder.search = False
+PythonDomain.find_obj = functools.cache(PythonDomain.find_obj)
+options = ("toc_object_entries=0", "html_use_index=0", "smartquotes=0")
+sys.exit(main([*sys.argv[1:], *(word for option in options for word in ("-D", option))]))
 """
 
 

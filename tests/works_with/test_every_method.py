@@ -25,7 +25,7 @@ ALL = METHODS.usable()
 #: Fewer steps than by default, where a default is made for long records.
 QUICK = {
     "frequency": {"period": 1.0},
-    "particle": {"particles": 200, "torque_noise": 5.0},
+    "particle": {"particles": 40, "torque_noise": 5.0},
     "adaline": {"epochs": 2},
     "hopfield": {"time": 1e3},
 }
