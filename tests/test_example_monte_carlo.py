@@ -1,6 +1,7 @@
 """The Monte Carlo example, on processes: coverage, and an error of a run that names its joint."""
 
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
 from importlib import import_module
 from multiprocessing import get_context
 
@@ -12,10 +13,26 @@ from pivident.foundation.errors import SimulationDiverged
 from tests.conftest import REPOSITORY
 
 
+@pytest.fixture(scope="module")
+def pool():
+    """One process for all that is run elsewhere: each would import the libraries for seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(REPOSITORY / "examples" / "python"))
+        with ProcessPoolExecutor(1, get_context("spawn")) as made:
+            yield made
+
+
 @pytest.fixture
-def example(monkeypatch):
-    monkeypatch.syspath_prepend(str(REPOSITORY / "examples" / "python"))
-    return import_module("monte_carlo")
+def example(pool, monkeypatch):
+    """The example with that process in place of as many as there are processors."""
+
+    def kept(mp_context):
+        assert mp_context.get_start_method() == "spawn"
+        return nullcontext(pool)
+
+    example = import_module("monte_carlo")
+    monkeypatch.setattr(example, "ProcessPoolExecutor", kept)
+    return example
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say(example):
@@ -35,9 +52,8 @@ def unstable(seed):
     return pv.simulate(robot, loop, duration=2.0, seed=seed)
 
 
-def test_a_failing_run_names_its_joint_and_the_pool_lives_on():
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        with pytest.raises(SimulationDiverged, match="joint 'shoulder'") as caught:
-            pool.submit(unstable, 0).result(timeout=120)
-        assert caught.value.joint == "shoulder" and caught.value.advice
-        assert pool.submit(abs, -1).result(timeout=120) == 1
+def test_a_failing_run_names_its_joint_and_the_pool_lives_on(pool):
+    with pytest.raises(SimulationDiverged, match="joint 'shoulder'") as caught:
+        pool.submit(unstable, 0).result(timeout=120)
+    assert caught.value.joint == "shoulder" and caught.value.advice
+    assert pool.submit(abs, -1).result(timeout=120) == 1
