@@ -53,6 +53,11 @@ def studio(tmp_path_factory):
 NUMBERS = count(1)
 
 
+def open_project(page, server, name):
+    """Show a project, with the token in its address as in the one that the server prints."""
+    page.goto(f"{server.base}/p/{name}?token={server.token}")
+
+
 def ready(page):
     """Wait until nothing hinders a run."""
     page.wait_for_function(
@@ -169,8 +174,7 @@ def reach(page, tag, text):
 
 def test_a_change_redraws_the_signals_and_can_be_undone(planar, studio, browsing):
     with browsing() as page:
-        page.goto(studio.address)
-        page.goto(f"{studio.base}/p/{planar.name}")
+        open_project(page, studio, planar.name)
         ready(page)
         field = page.locator("[id='row-recording.0.units.q-value']")
         assert "deg" in field.input_value()
@@ -209,8 +213,7 @@ def test_an_assumption_is_confirmed_with_one_button(planar, studio, browsing):
     line = next(one for one in text.splitlines() if one.startswith("units"))
     path.write_text(text.replace(line, assumed + line), encoding="utf-8")
     with browsing() as page:
-        page.goto(studio.address)
-        page.goto(f"{studio.base}/p/{planar.name}")
+        open_project(page, studio, planar.name)
         page.locator(".row.assumed").first.wait_for()
         page.get_by_role("button", name="is right").first.click()
         page.locator(".row.assumed").first.wait_for(state="detached")
@@ -229,8 +232,7 @@ def test_what_has_the_focus_is_brought_up_to_date(tmp_path, studio, browsing):
     path = studio.root / "focus" / "experiment.toml"
     path.write_text('robot = "planar_2r"\n', encoding="utf-8")
     with browsing() as page:
-        page.goto(studio.address)
-        page.goto(f"{studio.base}/p/focus")
+        open_project(page, studio, "focus")
         page.locator("#bring").focus()
         page.locator("#bring").set_input_files(tmp_path / "log.csv")
         page.locator("#files").get_by_text("log.csv").first.wait_for(timeout=60_000)
@@ -267,8 +269,7 @@ def test_one_change_is_one_request(planar, studio, browsing):
     """A field that is left for its button is sent once; so is a button that is pressed twice."""
     sent = []
     with browsing() as page:
-        page.goto(studio.address)
-        page.goto(f"{studio.base}/p/{planar.name}")
+        open_project(page, studio, planar.name)
         ready(page)
         page.on("request", lambda r: r.method == "POST" and sent.append(r.url.rpartition("/")[2]))
         page.get_by_role("button", name="Run", exact=True).dblclick()
@@ -305,8 +306,7 @@ def test_files_that_are_dropped_on_the_front_page(tmp_path, studio, browsing):
 
 def test_two_tabs_show_the_same(planar, studio, browsing):
     with browsing() as page:
-        page.goto(studio.address)
-        page.goto(f"{studio.base}/p/{planar.name}")
+        open_project(page, studio, planar.name)
         other = page.context.new_page()
         other.goto(f"{studio.base}/p/{planar.name}")
         ready(page)
@@ -335,8 +335,7 @@ def test_a_killed_server_takes_nothing_along(tmp_path, browsing):
 
     planar = make_planar(tmp_path / "root" / "arm")
     with served(planar.parent) as server, browsing() as page:
-        page.goto(server.address)
-        page.goto(f"{server.base}/p/arm")
+        open_project(page, server, "arm")
         ready(page)
         page.get_by_role("button", name="Run", exact=True).click()
         page.locator("article.run.running").wait_for()
@@ -344,17 +343,22 @@ def test_a_killed_server_takes_nothing_along(tmp_path, browsing):
         page.close()
         page.seen_errors.clear()
     with served(planar.parent) as server, browsing() as page:
-        page.goto(server.address)
-        page.goto(f"{server.base}/p/arm")
+        open_project(page, server, "arm")
         page.locator("article.run .headline").wait_for(timeout=240_000)
     assert (planar / "results" / "001-identify" / "verdict.json").is_file()
 
 
+@pytest.fixture(scope="module")
+def looked_at(studio):
+    """A project that no test changes."""
+    return make_planar(studio.root / "looked_at")
+
+
 @pytest.mark.parametrize("colour", ["light", "dark"])
-def test_contrast(planar, studio, browsing, colour):
+def test_contrast(looked_at, studio, browsing, colour):
     """Text against its background: 4.5 to 1, as WCAG 2.2 asks (1.4.3)."""
     with browsing(colour=colour) as page:
-        for address in (studio.address, f"{studio.base}/p/{planar.name}"):
+        for address in (studio.address, f"{studio.base}/p/{looked_at.name}"):
             page.goto(address)
             if "/p/" in address:
                 ready(page)
@@ -389,8 +393,7 @@ CONTRAST = """() => {
 
 def test_an_archive_goes_to_another_machine(planar, studio, browsing, tmp_path):
     with browsing() as page:
-        page.goto(studio.address)
-        page.goto(f"{studio.base}/p/{planar.name}")
+        open_project(page, studio, planar.name)
         with page.expect_download() as download:
             page.get_by_role("button", name="Pack and download").click()
         download.value.save_as(tmp_path / f"{planar.name}.zip")
@@ -416,8 +419,7 @@ def test_a_log_for_tests_is_answered_below_the_verdict(planar, studio, browsing,
     values = planar_log(samples=4000, seed=7)
     np.savetxt(path, values, fmt="%.9g", delimiter=",", header=HEADER, comments="")
     with browsing() as page:
-        page.goto(studio.address)
-        page.goto(f"{studio.base}/p/{planar.name}")
+        open_project(page, studio, planar.name)
         ready(page)
         page.get_by_role("button", name="Run", exact=True).click()
         page.locator("#run-of-001 .headline").wait_for(timeout=240_000)
