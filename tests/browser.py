@@ -1,5 +1,6 @@
 """A page on a phone, as headless Chromium shows it: one browser, a fresh profile for each page."""
 
+import atexit
 import base64
 import contextlib
 import fcntl
@@ -151,6 +152,7 @@ class Browser:
         os.close(replies)
         self._tells, self._answers = os.fdopen(tells, "wb"), os.fdopen(answers, "rb")
         self._asked = 0
+        atexit.register(self.kill)  # before its profile is removed
 
     def tell(self, method, **parameters):
         """The answer to a command of the protocol of Chromium's developer tools."""
@@ -173,7 +175,9 @@ class Browser:
 
     def kill(self):
         """End it at once."""
-        os.killpg(self.process.pid, signal.SIGKILL)
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait()
 
 
 _BROWSERS = []
