@@ -30,6 +30,7 @@ DRAWN = """
 
 #: Comes to each figure of a part, which then draws itself.
 SCROLLED = """
+  document.querySelectorAll("details").forEach((part) => { part.open = true; });
   const own = plots().filter((plot) => plot.closest("PART"));
   for (const plot of own) {
     plot.scrollIntoView({ block: "center", behavior: "instant" });
