@@ -386,7 +386,7 @@ def _blocks(samples: int) -> list[slice]:
 
 
 def _in_order(signal: np.ndarray) -> np.ndarray:
-    """A signal (rows, samples) as ``observe`` is compiled for: contiguous, and not to be written."""
+    """A signal (rows, samples) as ``observe`` is compiled for: contiguous and read-only."""
     return read_only(np.ascontiguousarray(signal, dtype=float))
 
 
