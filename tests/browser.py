@@ -161,10 +161,16 @@ class Browser:
         message = {"id": self._asked, "method": method, "params": parameters}
         self._tells.write(json.dumps(message).encode() + b"\0")
         self._tells.flush()
-        while True:
-            answer = json.loads(b"".join(iter(lambda: self._answers.read(1), b"\0")))
+        text = bytearray()
+        while byte := self._answers.read(1):
+            if byte != b"\0":
+                text += byte
+                continue
+            answer = json.loads(text)
             if answer.get("id") == self._asked:
                 return answer["result"]
+            text.clear()
+        raise AssertionError(f"the browser has ended at {method}")
 
     @contextlib.contextmanager
     def tab(self, address):
