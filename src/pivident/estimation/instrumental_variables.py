@@ -140,6 +140,7 @@ class DecimatedSteps:
 
     earliest = MIN_ESTIMATES + 1
     always_by_window = True
+    repeatable = True
 
     def start(self) -> Pass:
         """θ⁰: least squares on the decimated equations."""
@@ -192,6 +193,7 @@ class UnfilteredSteps:
 
     earliest = MIN_ESTIMATES + 1
     always_by_window = True
+    repeatable = True
 
     def start(self) -> Pass:
         """θ⁰: least squares at the full rate."""

@@ -226,6 +226,10 @@ class Steps(Protocol):
     def always_by_window(self) -> bool:
         """Whether sums are kept for each window of time before they are needed."""
 
+    @property
+    def repeatable(self) -> bool:
+        """Whether the same θ makes the same equations: then two estimates may alternate."""
+
     def start(self) -> Pass:
         """Step 1: θ⁰ and H = 1."""
 
@@ -267,7 +271,7 @@ def simulate(steps: Steps, last: Pass, run: Run) -> Simulated:
     was simulated with. Where no point can be simulated, the error tells what the motion lacks.
     """
     theta = last.theta
-    if run.alternates and last.simulated is not None:
+    if run.alternates and steps.repeatable and last.simulated is not None:
         theta = 0.5 * (last.simulated + theta)
     try:
         return Simulated(*steps.auxiliary.simulate_or_halve(last.simulated, theta))

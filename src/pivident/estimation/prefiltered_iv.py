@@ -355,6 +355,7 @@ class PrefilteredSteps:
 
     earliest = MIN_ESTIMATES + 1
     always_by_window = False
+    repeatable = True
 
     def start(self) -> Pass:
         """θ⁰: least squares behind the inverse controllers."""
