@@ -86,7 +86,10 @@ def run_python_loop(
     said = np.zeros((samples, n))
     law = SampledLaw(none, unit, none, np.zeros(n), said, said).protected()
     state = initial_state(model, law, start[0], start[1], int(delay * rate + 1e-9))
-    on_path, loops = path_arguments(model.friction, state, samples), loops_of(model, start[0])
+    on_path, loops = (
+        path_arguments(model.friction, state, samples, oracle),
+        loops_of(model, start[0]),
+    )
     heard = read_only(np.zeros((1, n)))
     q_wanted, dq_wanted = read_only(q_ref), read_only(dq_ref)
     with _ONE_RUN_AT_A_TIME:
@@ -260,7 +263,10 @@ def simulate_blocks(
     state = initial_state(model, law, begin[0], begin[1], int(delay * rate + 1e-9))
     block = min(block, samples)
     channels = np.zeros((CHANNELS, block, n))
-    on_path, loops = path_arguments(model.friction, state, block), loops_of(model, begin[0])
+    on_path, loops = (
+        path_arguments(model.friction, state, block, oracle),
+        loops_of(model, begin[0]),
+    )
     for first in range(0, samples, block):
         last = min(first + block, samples)
         what, joint, sample = run_loop(

@@ -147,13 +147,14 @@ def is_on_path(friction: FrictionTable) -> bool:
 
 
 def path_arguments(
-    friction: FrictionTable, state: LoopState, samples: int
+    friction: FrictionTable, state: LoopState, samples: int, oracle: int | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | tuple[None, None, None, None]:
     """Arguments of ``run_loop`` for friction of position, path and load; Nones without such.
 
-    The last argument receives the states, shape (samples, entries).
+    The last argument receives the states, shape (samples, entries). The oracle is compiled for
+    friction on the path, of no entry where there is none.
     """
-    if not is_on_path(friction):
+    if oracle is None and not is_on_path(friction):
         return None, None, None, None
     record = np.zeros((samples, len(friction.path_index)))
     return friction.path_index, friction.path_value, state.path, record
