@@ -98,7 +98,7 @@ def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str
     return dict(_kept(path, state_of(path), None if names is None else tuple(names)))
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2)
 def _kept(
     path: Path, state: tuple[int, int, int], names: tuple[str, ...] | None
 ) -> dict[str, np.ndarray]:
