@@ -88,14 +88,14 @@ def names_in(path: str | Path) -> tuple[str, ...]:
 
 def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
     """Columns or arrays of a file by name."""
-    path = Path(path)
-    readable = names_in(path)
+    path, readable = Path(path), names_in(path)
     for name in names or ():
         if name not in readable:
             raise UnknownColumn(path.name, name, near_names(name, readable), readable)
     if path.is_dir() or path.stat().st_size > MAX_KEPT:
         return reader_of(path).read(path, names)
-    return dict(_kept(path, state_of(path), None if names is None else tuple(names)))
+    wanted = None if names is None else tuple(names)
+    return {name: x.copy(order="K") for name, x in _kept(path, state_of(path), wanted).items()}
 
 
 @lru_cache(maxsize=2)
