@@ -2,7 +2,8 @@
 
 from dataclasses import replace
 
-from pivident.judgement.report.builder import _sentence, render_report
+from pivident.judgement.diagnostics.summary import Item, Summary
+from pivident.judgement.report.builder import _sentence, page_environment, render_report
 from pivident.judgement.report.downloads import signals_csv
 from tests.judgement.report.test_report import HOSTILE, Page
 from tests.planar_results import planar_results
@@ -56,6 +57,14 @@ def test_commands_in_sentences_are_code():
     assert _sentence("`pivident laws <b>` at 1e-05; a ` alone") == (
         "<code>pivident laws &lt;b&gt;</code> at 1&thinsp;×&thinsp;10<sup>-5</sup>; a ` alone"
     )
+
+
+def test_keys_in_the_summary_are_code():
+    items = (Item("Identify the parts apart (`part`)."),)
+    summary = Summary("arm", "Do not use.", "8 % off", (), (), "none", items)
+    template = '{% from "macros.html" import screen %}{{ screen(summary) }}'
+    page = page_environment().from_string(template).render(summary=summary)
+    assert "<li>Identify the parts apart (<code>part</code>).</li>" in page
 
 
 def test_a_torque_that_was_not_measured_is_not_called_so():
