@@ -1,10 +1,16 @@
 """Compiled functions and their cache."""
 
+import gc
 import os
 import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+
+import pytest
+from numba import njit
+from numba.core import event as events
+from numba.core.errors import TypingError
 
 from pivident.foundation.compiled import is_compiled
 
@@ -55,3 +61,36 @@ def test_what_is_loaded_needs_no_compiler(tmp_path):
         for _ in range(2)
     ]  # fmt: skip
     assert said == [["[5.0, 5.0, 5.0", "0 True\n"], ["[5.0, 5.0, 5.0", "2 False\n"]]
+
+
+class Watcher(events.Listener):
+    """Whether garbage is collected while numba compiles, at every start and end."""
+
+    def __init__(self):
+        self.seen = []
+
+    def on_start(self, event):
+        self.seen.append(gc.isenabled())
+
+    def on_end(self, event):
+        self.seen.append(gc.isenabled())
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_garbage_is_collected_around_the_compiler_as_before_and_not_within(wanted):
+    inner = njit(lambda x: x + 1.0)
+    outer = njit(lambda x: inner(x) + 1.0)
+    before = gc.isenabled()
+    watcher = Watcher()
+    events.register("numba:compile", watcher)
+    (gc.enable if wanted else gc.disable)()
+    try:
+        assert outer(1.0) == 3.0
+        inside, watcher.seen = watcher.seen, []
+        assert inside == [False, False, False, wanted]  # two functions, one within the other
+        with pytest.raises(TypingError):
+            outer("text")
+        assert gc.isenabled() is wanted and watcher.seen[-1] is wanted
+    finally:
+        events.unregister("numba:compile", watcher)
+        (gc.enable if before else gc.disable)()

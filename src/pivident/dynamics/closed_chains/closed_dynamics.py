@@ -25,7 +25,7 @@ from pivident.dynamics.friction_table import (
 )
 from pivident.dynamics.kernels import bias_torque, composite_mass_matrix
 from pivident.dynamics.parameters import Parameter
-from pivident.foundation.compiled import inlined, kernel, rows
+from pivident.foundation.compiled import inlined, inner, kernel, rows
 from pivident.robot.description import Robot
 
 # Rows of ``ClosedRun.vectors``: of all joints speeds, friction, h + M γ, a row of M N, positions.
@@ -95,7 +95,7 @@ def tree_torque(run, i):
     return run.vectors[BIAS, i] + run.vectors[FRICTION, i]
 
 
-@inlined
+@inner
 def closed_bias(run, q, dq, bias):
     """Close the loops at independent positions and speeds, and h_a; status, see above."""
     table, place, friction = run.model.table, run.place, run.model.friction
@@ -129,7 +129,7 @@ def closed_bias(run, q, dq, bias):
     return CLOSED
 
 
-@inlined
+@inner
 def closed_mass(run, rotor, mass):
     """M_a at the place of ``closed_bias``, both triangles.
 

@@ -96,7 +96,7 @@ def _place_end(link, frame, place, end):
         end[P + a] = own[P + a] + x * frame[9] + y * frame[10] + z * frame[11]
 
 
-@inlined
+@inner
 def place_closures(table, work):
     """Places of all links and of the frames of the closures at the present posture."""
     tree, place = table.tree, work.place
@@ -115,7 +115,7 @@ def _axis(end, axis, out):
         out[a] = end[3 * a + axis]
 
 
-@inlined
+@inner
 def find_gaps(table, work):
     """Gaps of all equations after ``place_closures``; the largest."""
     n, largest = work.q.size, 0.0
@@ -174,7 +174,7 @@ def _turning_slope(parent, prismatic, place, link, sign, normal, slope):
         i = parent[i]
 
 
-@inlined
+@inner
 def find_slopes(table, work):
     """A, the slopes of all equations, after ``place_closures``."""
     n, axes, place = work.q.size, work.axes, work.place
@@ -224,7 +224,7 @@ def _move_end(link, place, end):
     _carry(own, end[P] - own[P], end[P + 1] - own[P + 1], end[P + 2] - own[P + 2], end)
 
 
-@inlined
+@inner
 def move_ends(table, work):
     """Motion of the frames of the closures, from that of the links."""
     for k in range(table.link.shape[0]):
@@ -232,7 +232,7 @@ def move_ends(table, work):
             _move_end(table.link[k, end], work.place, work.ends[k, end])
 
 
-@inlined
+@inner
 def find_drifts(table, work):
     """dA/dt dq of all equations at the present speeds, where the loops are closed."""
     move_links(table.tree, work.dq, None, work.place)

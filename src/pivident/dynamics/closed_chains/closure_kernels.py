@@ -18,7 +18,7 @@ from pivident.dynamics.closed_chains.closure_equations import (
     place_closures,
 )
 from pivident.dynamics.elimination import SIDE_BY_SIDE, factor, solve, solve_all
-from pivident.foundation.compiled import inlined, kernel
+from pivident.foundation.compiled import inlined, inner, kernel
 
 #: What may happen: nothing, the loops cannot be closed, the mechanism is singular.
 CLOSED, OPEN, SINGULAR = 0, 1, 2
@@ -45,7 +45,7 @@ FASTEST = 1e4
 APPROACH = 60
 
 
-@inlined
+@inner
 def _close_gaps(table, work):
     """Dependent positions by Newton's method, A where they are found, L and U; status."""
     r = table.others.size
@@ -77,7 +77,7 @@ def _close_gaps(table, work):
     return OPEN
 
 
-@inlined
+@inner
 def close_loops(table, work):
     """Positions and speeds of the dependent joints, N and γ; those of the independent are there.
 
@@ -111,7 +111,7 @@ def close_loops(table, work):
     return CLOSED
 
 
-@inlined
+@inner
 def _find_accelerations(table, work):
     """γ at the present posture and speeds."""
     find_drifts(table, work)
@@ -135,7 +135,7 @@ def move_closed(table, work, dq):
     _find_accelerations(table, work)
 
 
-@inlined
+@inner
 def lead_on(table, work, q):
     """Independent joints to ``q``, the others where N and γ lead: a start for Newton's method.
 
