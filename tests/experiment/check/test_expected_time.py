@@ -12,8 +12,8 @@ from pivident.experiment.check.plan import (
     WRITTEN,
     expected_stages,
     expected_time,
-    in_words,
 )
+from pivident.foundation.text.numbers import time_in_words
 from tests.planar_log import EXPERIMENT, write_experiment
 
 FOUR = ("ls", "iv", "iv-full-rate", "piv")
@@ -72,7 +72,7 @@ def test_stages_are_in_the_order_in_which_they_pass():
 
 
 def test_times_in_words():
-    assert [in_words(s) for s in (0.2, 41.4, 89.6, 150.0)] == ["1 s", "41 s", "90 s", "2 min"]
+    assert [time_in_words(s) for s in (0.2, 41.4, 89.6, 150.0)] == ["1 s", "41 s", "90 s", "2 min"]
 
 
 def test_the_stored_plan_says_what_every_method_would_take(tmp_path):

@@ -50,11 +50,12 @@ def is_first_run() -> bool:
 def compile_in_first_run() -> None:
     """Let the first command of all compile what the next one needs, beside its own work."""
     if is_first_run():
-        from pivident.experiment.check.plan import COMPILING, in_words
+        from pivident.experiment.check.plan import COMPILING
+        from pivident.foundation.text.numbers import time_in_words
 
         note(
-            f"Compiling for this computer takes about {in_words(COMPILING[0])}, in this first run "
-            "only."
+            f"Compiling for this computer takes about {time_in_words(COMPILING[0])}, in this first "
+            "run only."
         )
         compile_ahead()
 

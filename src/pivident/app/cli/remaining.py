@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
-from pivident.experiment.check.plan import in_words
+from pivident.foundation.text.numbers import time_in_words
 
 #: What comes before the stages where nothing is known of it: expected, and taken [s].
 PRIOR = (1.0, 1.0)
@@ -83,4 +83,4 @@ class Remaining:
             return ""
         text = f"stage {self._order.index(self._stage) + 1} of {len(self._order)}"
         left = self.seconds
-        return text if left < SHORT else f"{text}, about {in_words(left)} left"
+        return text if left < SHORT else f"{text}, about {time_in_words(left)} left"

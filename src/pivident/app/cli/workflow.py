@@ -36,7 +36,6 @@ from pivident.experiment.check.plan import (
     WRITTEN,
     expected_stages,
     first_run,
-    in_words,
     simulates,
     time_before,
 )
@@ -44,6 +43,7 @@ from pivident.experiment.experiment import load_experiment
 from pivident.foundation.common_work import numbers_beside, shared_work
 from pivident.foundation.errors import Attempts, PividentError
 from pivident.foundation.files import atomic_folder, check_output
+from pivident.foundation.text.numbers import time_in_words
 from pivident.foundation.threads import linear_algebra_in_one_thread
 from pivident.judgement.diagnostics.consistent_estimate import (
     ConsistentEstimate,
@@ -263,7 +263,8 @@ def say_compiling(progress: Progress, methods: Mapping[str, Method], looped: boo
     """What a first run waits for, and how long; ``looped``: whether there is a control law."""
     if seconds := first_run(methods, looped):
         progress.keep(
-            f"Compiling for this computer takes about {in_words(seconds)}, in this first run only."
+            f"Compiling for this computer takes about {time_in_words(seconds)}, in this first run "
+            "only."
         )
 
 

@@ -16,8 +16,7 @@ from pivident.app.studio.rows import Row
 from pivident.app.studio.run_folder import read_object
 from pivident.app.studio.steps import EXPORTED, STEPS
 from pivident.estimation.methods import METHODS
-from pivident.experiment.check.plan import in_words
-from pivident.foundation.text.numbers import bytes_in_words
+from pivident.foundation.text.numbers import bytes_in_words, time_in_words
 from pivident.foundation.text.repair import Place
 from pivident.models.export.formats import FORMATS
 
@@ -137,11 +136,13 @@ def _shown(
         "best_results": best_result(run["results"], run["methods"], verdict),
         "downloads": [file for file in files if file["path"].startswith(EXPORTED)],
         "created": clock(_seconds(run["created"])) if run["created"] else "",
-        "took": _took(run),
+        "took": time_in_words(seconds_taken(run))
+        if run.get("started") and run.get("ended")
+        else "",
         "stage": progress.get("stage", ""),
         "number": progress.get("number", 0),
         "of": progress.get("of", 0),
-        "left": f"about {in_words(left)} left" if left and left > SHORT else "",
+        "left": f"about {time_in_words(left)} left" if left and left > SHORT else "",
         "line": progress.get("line", "") or "starting",
         "kept": progress.get("kept", []),
         "repairs": repairs,
@@ -252,11 +253,6 @@ def _method(name: str) -> str:
     """A method as it is chosen, and as the verdict and reports call it."""
     method = METHODS.get(name.removeprefix("pc-"))
     return f"{name}: {method.label}" if method else name
-
-
-def _took(run: dict[str, Any]) -> str:
-    """How long it took, once it has ended."""
-    return in_words(seconds_taken(run)) if run.get("started") and run.get("ended") else ""
 
 
 def seconds_taken(run: dict[str, Any]) -> float:

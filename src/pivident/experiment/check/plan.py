@@ -38,6 +38,7 @@ from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.foundation.compiled import is_compiled
 from pivident.foundation.text.display import Displayed
+from pivident.foundation.text.numbers import time_in_words
 from pivident.foundation.text.sentences import plural
 
 
@@ -105,17 +106,12 @@ class Plan(Displayed):
         return f"{self.folds} blocks held out in turn" if self.folds else "no held-out motion"
 
     def _time(self) -> str:
-        text = f"about {in_words(self.seconds)}"
+        text = f"about {time_in_words(self.seconds)}"
         if self.compiling:
-            text += f", and about {in_words(self.compiling)} to compile, in this first run only"
+            text += (
+                f", and about {time_in_words(self.compiling)} to compile, in this first run only"
+            )
         return text
-
-
-def in_words(seconds: float) -> str:
-    """A rough time as people say it; seconds [s]."""
-    if seconds < 90:
-        return f"{max(1, round(seconds))} s"
-    return f"{round(seconds / 60)} min"
 
 
 def plan_of(

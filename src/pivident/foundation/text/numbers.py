@@ -70,6 +70,13 @@ def _exponent(x: float) -> int:
     return math.floor(math.log10(abs(x)))
 
 
+def time_in_words(seconds: float) -> str:
+    """A rough time as people say it; seconds [s]."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    return f"{round(seconds / 60)} min"
+
+
 def bytes_in_words(size: int) -> str:
     """A size as people say it."""
     for unit, factor in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):

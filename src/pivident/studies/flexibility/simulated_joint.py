@@ -19,6 +19,7 @@ from pivident.data.recording.recording import Recording
 from pivident.foundation.compiled import compiled
 from pivident.foundation.errors import IdentificationError
 from pivident.foundation.text.display import Displayed
+from pivident.loop.simulation.closed_loop import in_whole_counts
 
 
 @dataclass(frozen=True)
@@ -171,7 +172,7 @@ def simulate_joint(
         (motion[2] + sensors.torque_noise * noise[2])[:, None],
         rate,
         q_ref=q_ref[:, None],
-        q_link=_counted(link, sensors.link_step)[:, None],
+        q_link=in_whole_counts(link[:, None], sensors.link_step),
     )
 
 
@@ -232,11 +233,6 @@ def _rest_deflection(joint: TwoMassJoint, q: float) -> float:
 def _delayed(x: np.ndarray, samples: int) -> np.ndarray:
     """A signal delayed by whole samples, its first value repeated."""
     return np.concatenate([np.full(samples, x[0]), x[: len(x) - samples]])
-
-
-def _counted(x: np.ndarray, step: float) -> np.ndarray:
-    """A signal on the grid of an encoder."""
-    return np.round(x / step) * step if step > 0 else x
 
 
 @compiled()

@@ -5,7 +5,6 @@ The friction of a record as files: page, JSON, and curves as tables.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +13,11 @@ from markupsafe import Markup
 
 from pivident.foundation.extras import require
 from pivident.foundation.files import atomic_folder
+from pivident.foundation.text.finding import serious
 from pivident.foundation.text.plain_values import plain
 from pivident.foundation.version import __version__
 from pivident.judgement.report.builder import page_environment, page_of, write_page
-from pivident.studies.friction.effects import FrictionFinding, headline
+from pivident.studies.friction.effects import headline
 from pivident.studies.friction.friction_figures import gain_figure, joint_figures, ripple_figures
 from pivident.studies.friction.friction_study import FrictionStudy, JointFriction
 
@@ -216,7 +216,7 @@ def render_page(study: FrictionStudy, title: str | None = None) -> str:
     """The page as text."""
     environment = page_environment("pivident.studies.friction")
     environment.globals["headline"] = headline
-    environment.filters["clear"] = _clear
+    environment.filters["serious"] = serious
     summary = environment.get_template("friction_summary.html").render(
         study=study, gain=gain_figure(study.joints)
     )
@@ -237,8 +237,3 @@ def render_page(study: FrictionStudy, title: str | None = None) -> str:
         )
         sections.append(("ripple", "Ripple over position", Markup(body)))
     return page_of(environment, title or f"{study.robot}: friction", sections)
-
-
-def _clear(findings: Sequence[FrictionFinding]) -> bool:
-    """Whether anything stands out beyond viscous and Coulomb friction."""
-    return any(f.severity == "warning" for f in findings)

@@ -211,7 +211,9 @@ class JointJudge:
         best, sums, _ = min(points, key=lambda p: p[2])
         theta, std = self.whole.estimate(sums)
         squares = self.band_sums(best).squares(self.own_theta(theta))
-        values = {x.name: x.value for x in best.shapes} | dict.fromkeys([GAMMA], _slope(best))
+        values = {x.name: x.value for x in best.shapes} | {
+            GAMMA: best.slopes[0] if best.slopes else np.nan  # of its smoothed signs
+        }
         return LawScore(
             name,
             best,
@@ -365,8 +367,3 @@ class JointJudge:
         speed = [np.abs(k.dq[self.joint, row_samples(r)]) for r, k in pairs]
         load = [np.abs(x) for x in self.load]
         return self.cells.divisions(*(self.cells.by_cell(x, np.mean) for x in (speed, load)))
-
-
-def _slope(law: FrictionLaw) -> float:
-    """Slope of its smoothed signs; NaN without one."""
-    return law.slopes[0] if law.slopes else np.nan

@@ -19,7 +19,7 @@ from pivident.robot.mjcf_model import compilable, mujoco_library, read_spec
 from pivident.robot.naming import MJCF_FILES, URDF_FILES
 from pivident.robot.urdf_xml import parse_model
 from pivident.studies.simulators.mujoco_replay import set_hard_friction
-from pivident.studies.simulators.simulator_fit import FittedValue, SimulatorFit
+from pivident.studies.simulators.simulator_fit import SimulatorFit
 
 #: Formats by the name of ``--to``, and the ending of their files.
 ENDINGS = {"mjcf": ".xml", "urdf": ".urdf", "isaac": ".py"}
@@ -278,11 +278,7 @@ def _heading(fit: SimulatorFit, form: str) -> Iterable[str]:
     yield f"{form}: joints fitted by pivident {fit.version} to {', '.join(fit.recordings)}"
     yield "Values with their intervals of 95 %:"
     for value in fit.values:
-        yield f"{_whose(value)}: {value}"
-
-
-def _whose(value: FittedValue) -> str:
-    return f"{value.joint} {value.quantity}" if value.joint else value.quantity
+        yield f"{value.joint} {value.quantity}: {value}".lstrip()
 
 
 def _not_in_file(fit: SimulatorFit, known: tuple[str, ...], form: str) -> tuple[str, ...]:

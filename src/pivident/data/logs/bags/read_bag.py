@@ -171,7 +171,8 @@ def _nothing(
 
 def _messages(file: Path) -> Iterator[Message]:
     """Messages of one file, which may be packed as a whole."""
-    read = CONTAINERS.get(_kind(file))
+    unpacked = file.name.lower().removesuffix(".zstd").removesuffix(".zst")
+    read = CONTAINERS.get(Path(unpacked).suffix)
     if read is None:
         raise FileFormatError(
             f"{file.name} is no bag", advice=f"use one of {', '.join(CONTAINERS)}"
@@ -184,11 +185,6 @@ def _messages(file: Path) -> Iterator[Message]:
         with whole.open("wb") as out:
             unpack_file(file, out)
         yield from read(whole)
-
-
-def _kind(path: Path) -> str:
-    """The ending that names the container, below the one of a packed file."""
-    return Path(path.name.lower().removesuffix(".zstd").removesuffix(".zst")).suffix
 
 
 #: The reader of bags; a folder with the files of one in it is a bag too.

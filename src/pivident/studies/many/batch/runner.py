@@ -20,6 +20,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from pivident.foundation.progress import Say
+from pivident.foundation.text.numbers import time_in_words
 from pivident.foundation.threads import thread_count
 from pivident.studies.many.batch.batch_errors import BatchError
 from pivident.studies.many.batch.results_folder import ResultsFolder, Row
@@ -252,13 +253,9 @@ class Runner(Generic[Key]):
         line = f"{self.title}: {done} of {self.total} {self.noun}"
         if done > at_hand:
             pace = (now - begin) / (done - at_hand)
-            rest = f", about {_minutes(pace * left)} to go" if left else ""
+            rest = f", about {time_in_words(pace * left)} to go" if left else ""
             line += f", {pace:.2f} s each{rest}"
         self.say(line)
-
-
-def _minutes(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"
 
 
 def _prepare_worker() -> None:

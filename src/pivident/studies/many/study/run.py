@@ -226,7 +226,10 @@ class Store(ResultsFolder):
             "hash": scenario.hash,
             "scenario": scenario.identity,
             "seed": scenario.content.seed,
-            "methods": {name: _options(m) for name, m in scenario.methods.items()},
+            "methods": {
+                name: json.loads(json.dumps(dataclasses.asdict(method), default=str))
+                for name, method in scenario.methods.items()
+            },
             "runs": max(runs, present),
         }
         with self.taken(wanted):
@@ -249,7 +252,3 @@ class Store(ResultsFolder):
     def manifest_kinds(self) -> dict[str, type]:
         """The number of runs is read back."""
         return {"runs": int}
-
-
-def _options(method: Any) -> dict[str, Any]:
-    return json.loads(json.dumps(dataclasses.asdict(method), default=str))
