@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identify import identify
@@ -107,6 +108,22 @@ def test_orders_of_a_moving_average_fall_to_what_the_stretches_carry():
     assert all("falls from 12 to" in w.message for w in whitening.warnings(found))
     with pytest.raises(IdentificationError, match="lower the orders"):  # what it was asked for
         arma(np.random.default_rng(0).standard_normal(30), 8, 4)
+
+
+def test_a_noise_model_with_a_moving_average_gives_its_innovations_back():
+    """D v = C e: the prefilter D/C of the model makes e of v, for each joint."""
+    whitening, (record,), theta = scene(Arma(2, 1))
+    kinematics, rng = record.kinematics, np.random.default_rng(5)
+    innovations = rng.standard_normal(kinematics.tau.shape)
+    noise = lfilter([1.0, 0.7], [1.0, -1.2, 0.5], innovations)
+    torque = kinematics.tau - _residual(whitening, record, theta) + noise
+    record = replace(record, kinematics=replace(kinematics, tau=torque))
+    found = whitening.fitted(whitening.initial(), 1, theta, [record])
+    for j, prefilter in enumerate(found.filters):
+        left = noise[j : j + 1].copy()
+        prefilter.stream(1).process(left, left)
+        settled = slice(200, None)
+        assert np.std(left[0, settled] - innovations[j, settled]) < 0.1
 
 
 def test_errors_of_a_simulation_in_short_stretches_are_weighted_by_their_size():
