@@ -11,6 +11,7 @@ from tests.judgement.model_errors.faulty_tx40 import (
     right_estimate,
     right_problem,
     with_fault,
+    with_uneven_friction,
 )
 
 LATE = "delay: torques logged later than positions"
@@ -48,6 +49,18 @@ def test_delay_is_a_reservation_with_its_size(late):
     assert "--free delay" in finding.next_step
     assert "standard errors" in finding.message
     assert "%" in finding.basis and f"{len(causes())} causes" in finding.basis
+
+
+def test_friction_that_changes_over_the_travel_is_left_to_the_curves():
+    """`pivident laws` has no law of the position; its ranges are those of friction all the same."""
+    problem = with_uneven_friction(1, 2.0)
+    diagnostics = judged(problem, identify(problem, "piv"))
+    found = verdict(diagnostics)
+    (finding,) = (s for s in found.statements if s.kind == "uneven friction")
+    assert finding.severity == "warning" and "`pivident friction`" in finding.next_step
+    (item,) = (i for i in found.summary.items if i.text.startswith("Uneven friction: joint_2"))
+    assert item.command == "friction"
+    assert {own.by for own in diagnostics.ranges["piv"]} == {"friction laws"}
 
 
 def test_intervals_stay_and_friction_is_not_blamed(late):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -40,3 +41,14 @@ def with_fault(cause: Cause, size: np.ndarray) -> Problem:
     """The problem from which a cause of that size has to be corrected."""
     assert cause.correct is not None
     return cause.correct(right_problem()[0], -np.asarray(size))
+
+
+def with_uneven_friction(joint: int, size: float) -> Problem:
+    """The right problem with dry friction that grows along the travel, by a size [N m] each way."""
+    problem, _ = right_problem()
+    (kinematics,) = smoothed(problem, right_estimate())
+    (recording,) = problem.recordings
+    q, dq = kinematics.q[joint], kinematics.dq[joint]
+    tau = recording.tau.copy()
+    tau[:, joint] += size * np.sign(dq) * (2.0 * (q - q.min()) / np.ptp(q) - 1.0)
+    return replace(problem, recordings=(replace(recording, tau=tau),))

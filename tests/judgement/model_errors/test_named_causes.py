@@ -27,7 +27,7 @@ from pivident.judgement.model_errors.named_causes import (
 from pivident.judgement.model_errors.score_tests import Score
 from pivident.judgement.model_errors.time_errors import WARMTH, Instants, time_causes
 
-from .faulty_tx40 import causes, right_estimate, right_problem, with_fault
+from .faulty_tx40 import causes, right_estimate, right_problem, with_fault, with_uneven_friction
 
 FAULTS = {
     "delay: torques logged later than positions": [0.2],
@@ -62,6 +62,13 @@ def test_fault_is_named_first_with_its_size(name):
         estimates = (result.theta, result.theta + first.changes[0])
         far, near = (np.max(np.abs(theta - truth) / result.std) for theta in estimates)
         assert near < max(6.0, 0.5 * far)
+
+
+def test_friction_that_grows_along_the_travel_is_named_with_its_size():
+    problem = with_uneven_friction(1, 2.0)
+    (first, *_) = named_causes(problem, identify(problem, "piv")).named
+    assert str(first.cause) == "uneven friction of joint_2: along the travel"
+    assert np.all(np.abs(first.score.size - [2.0, 0.0]) < 0.2)
 
 
 def test_what_is_alike_is_said():

@@ -65,9 +65,14 @@ def _after_identification(project: Path, folder: Path, name: str) -> Iterator[Of
     yield from _better_estimates(project, statements, methods)
     if simulation.get("answer") == "care" and not has_consistent:
         yield _consistent(name, simulation)
-    if friction := _is_said(statements, "model", "friction", ("warning", "error")):
+    friction, uneven = (
+        _is_said(statements, "model", kind, ("warning", "error"))
+        for kind in ("friction", "uneven friction")
+    )
+    if friction:
         yield _offer("laws", "Choose friction laws", friction)
-        yield _offer("friction", "Show friction", friction)
+    if friction or uneven:
+        yield _offer("friction", "Show friction", friction or uneven)
     if motion := _wanted_motion(verdict, statements, name):
         yield motion
     if has_consistent:

@@ -26,6 +26,7 @@ APART = "Identify the parts of the record before and after it apart (`part`)."
 #: What to do about causes that no size corrects.
 STEPS = {
     "friction": "`pivident laws` compares friction laws on motion that was not fitted.",
+    "uneven friction": "`pivident friction` shows it over the position; no law of speed has it.",
     "elasticity": "`pivident flexibility` identifies the joint; or move more slowly.",
     "backlash": "Keep the motor pressed to one side, or leave the reversals out.",
     "warming up": "Warm the robot up before the record, or identify shorter parts of it.",

@@ -108,7 +108,7 @@ def friction_ranges(result: Identification, errors: ModelErrors) -> tuple[Parame
     estimates = [result.theta]
     corrected = result.theta
     for one in errors.named:
-        if one.cause.kind == "friction":
+        if one.cause.kind in ("friction", "uneven friction"):
             estimates += [*(corrected + one.changes)]
             corrected = corrected + one.changes[0]
     if len(estimates) == 1:

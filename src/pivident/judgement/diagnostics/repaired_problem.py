@@ -262,7 +262,7 @@ def _of(edit: Change, names: Sequence[str]) -> str:
             moved = [names[k] for k, own in enumerate(order) if own != k]
             return f"The {whose}s of {' and '.join(moved)} are exchanged."
         case Shifted(offsets=offsets):
-            said = [f"of {j} is off by {_angle(x)}" for j, x in offsets]
+            said = [f"of {j} is off by {math.degrees(-x):.4g}°" for j, x in offsets]
             return f"The zero position {listed(said)}."
         case Retimed(factor=factor):
             times = factor if factor > 1.0 else 1.0 / factor
@@ -290,10 +290,6 @@ def _unit(joint: str, factor: float) -> str:
     if math.isclose(factor, 180.0 / math.pi, rel_tol=1e-3):
         return f"The position of {joint} is in radians."
     return f"The position of {joint} is {format_significant(1.0 / factor)} times as large."
-
-
-def _angle(radians: float) -> str:
-    return f"{math.degrees(-radians):.4g}°"
 
 
 def _axis(gravity: Sequence[float]) -> str:

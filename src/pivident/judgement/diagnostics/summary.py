@@ -40,7 +40,7 @@ SHOWN = (("viscous", ("fv", "fvp")), ("Coulomb", ("fc", "fcp")))
 BASELINES = {"description": "your description", "plain law": "plain least squares"}
 
 #: Commands that answer a reservation, by its topic and kind.
-ANSWERED_BY = {("model", "friction"): "laws"}
+ANSWERED_BY = {("model", "friction"): "laws", ("model", "uneven friction"): "friction"}
 
 #: What to take away before a repair.
 NOT_YET = "nothing yet: apply, identify again, then pivident export"
@@ -49,6 +49,7 @@ NOT_YET = "nothing yet: apply, identify again, then pivident export"
 MEANT = {
     "excite": "designs a motion that tells more",
     "laws": "compares friction laws",
+    "friction": "shows it over speed and position",
     "apply": "writes it into the file",
     "export": "a physically possible model",
 }

@@ -48,6 +48,7 @@ CORRECTED = (
 #: What to do about the others.
 INSTEAD = {
     "friction": "`pivident laws` finds a law",
+    "uneven friction": "`pivident friction` shows it over the position",
     "elasticity": "`pivident flexibility` identifies the joint",
     "missing parameter": "estimate it, too ([identify] parameters)",
     "backlash": "its size alone does not correct it",

@@ -215,6 +215,10 @@ def friction_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
         strongest = float(reach.strongest[j])  # a larger amplitude is none that friction has
         for what, shapes in _shapes(reach, j, slope, _columns_of(joint)).items():
             yield _cause("friction", joint.name, what, unit, j, slope, shapes, strongest)
+        uneven = _uneven(float(reach.low[j]), float(reach.high[j]))
+        yield _cause(
+            "uneven friction", joint.name, "along the travel", unit, j, slope, uneven, strongest
+        )
         warming, unit = _warming(float(reach.fastest[j])), f"{unit}/min"
         yield _cause("warming up", joint.name, "friction by time", unit, j, slope, warming, np.inf)
 
@@ -230,8 +234,6 @@ def _shapes(reach: Reach, joint: int, slope: float, names: set[str]) -> dict[str
     ``names``: columns of the joint's law.
     """
     fastest = float(reach.fastest[joint])
-    middle = 0.5 * float(reach.low[joint] + reach.high[joint])
-    half = max(0.5 * float(reach.high[joint] - reach.low[joint]), 1e-300)
     found: dict[str, list[Shape]] = {}
     for kind in TERM_KINDS.usable().values():
         # a term without constants leaves nothing of its shape
@@ -240,10 +242,6 @@ def _shapes(reach: Reach, joint: int, slope: float, names: set[str]) -> dict[str
     for factor in STEEPNESS:
         found[f"a sign {factor:g} times as steep"] = [_steeper(factor * slope)]
     found["another smoothed sign"] = [lambda m, j, s: np.tanh(slope * m.dq[j]) - s]
-    found["friction by position"] = [
-        lambda m, j, s: s * (m.q[j] - middle) / half,
-        lambda m, j, s: s * ((m.q[j] - middle) / half) ** 2,
-    ]
     return found
 
 
@@ -263,6 +261,15 @@ def _declared(expression: str, fastest: float) -> Shape:
 def _steeper(slope: float) -> Shape:
     """What a sign of another slope [s/rad or s/m] has beside that of the law."""
     return lambda m, j, s: _sign(slope, m.dq[j]) - s
+
+
+def _uneven(low: float, high: float) -> list[Shape]:
+    """Dry friction that changes over the travel, along a line and a parabola."""
+    middle, half = 0.5 * (low + high), max(0.5 * (high - low), 1e-300)
+    return [
+        lambda m, j, s: s * (m.q[j] - middle) / half,
+        lambda m, j, s: s * ((m.q[j] - middle) / half) ** 2,
+    ]
 
 
 def _warming(fastest: float) -> list[Shape]:

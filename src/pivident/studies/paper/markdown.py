@@ -97,7 +97,9 @@ def html_of(markdown: str, figures: Path) -> str:
     from pivident.judgement.report.builder import page_environment
 
     names = list(dict.fromkeys(_CODE.findall(markdown)))
-    linked = _CODE.sub(lambda found: f"[`{_short(found[1])}`](#{_anchor(found[1])})", markdown)
+    linked = _CODE.sub(
+        lambda found: f"[`{'.'.join(found[1].split('.')[-2:])}`](#{_anchor(found[1])})", markdown
+    )
     body = re.sub(  # behind the renderer, which looks at every character of an address
         r'"figures/(\w+\.png)"',
         lambda found: f'"{_data(figures / found[1])}"',
@@ -109,10 +111,6 @@ def html_of(markdown: str, figures: Path) -> str:
         .get_template("paper.html")
         .render(body=Markup(body), sources=sources, version=__version__)
     )
-
-
-def _short(name: str) -> str:
-    return ".".join(name.split(".")[-2:])
 
 
 def _anchor(name: str) -> str:
