@@ -9,6 +9,7 @@ from pivident.estimation.identify import identify
 from pivident.experiment.simulated_tx40 import tx40_fine
 from pivident.judgement.diagnostics.estimate_statements import determined, open_parameters
 from pivident.judgement.diagnostics.slight_terms import torque_shares
+from tests.planar_results import planar_results
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,18 @@ def test_a_parameter_of_no_consequence_needs_no_motion(fitted):
     assert "of no consequence (zero within 2σ, less than 1 % of any joint's torque): fv4" in said[0]
     assert not any(text.startswith("For ") and "fv4" in text for text in said)
     assert "fv4" not in open_parameters(small)
+
+
+def test_no_motion_is_asked_for_an_offset():
+    """Its torque is the same in every motion; a parameter that is not known is still asked for."""
+    (found,) = planar_results("piv")
+    for value in (0.0, 10.0):  # zero within its interval, or half known
+        doubtful = with_estimate(with_estimate(found, "fv2", 1.0, 0.2), "off1", value, 4.0)
+        said = [finding.message for finding in determined(doubtful)]
+        assert "off1" in said[0]
+        assert any("fv2" in text for text in said[1:]) == ("fv2" in open_parameters(doubtful))
+        assert "fv2" in open_parameters(doubtful) and "off1" not in open_parameters(doubtful)
+        assert not any("off1" in text for text in said[1:])
 
 
 def test_one_that_may_make_much_torque_is_open(fitted):

@@ -186,19 +186,19 @@ def _another_unit(channel: str, names: Sequence[str], given: Any) -> Iterator[Fi
     for column in names:
         words = {w.lower() for w in _UNIT_WORD.findall(column)}
         found = [unit for unit, own in UNIT_WORDS[quantity].items() if own & words]
-        if not found or taken in found or (quantity == "torque" and taken in _drive_units(found)):
+        commands = {"A", "mA", "V"} & set(found)  # may be called by one another's names
+        alike = {*found, *({"command", "A", "mA", "V", "mV"} if commands else ())}
+        if not found or taken in alike:
             continue
         how = "is given as" if declared else "is not given and taken for"
         advice = f'Set units = {{{channel} = "{found[0]}"}} if the name is right.'
-        repairs = [in_unit(channel, found[0])]
-        if quantity == "torque" and found[0] in ("A", "mA", "V"):
-            repairs = []
+        repairs = [] if found[0] in {*commands, "counts"} else [in_unit(channel, found[0])]
+        if found[0] in commands:
             advice = (
                 f"A current or voltage needs N m per unit: units = "
                 f'{{tau = {{unit = "{found[0]}", gain = ...}}}}.'
             )
         if found[0] == "counts":
-            repairs = []
             advice = 'Counts need their scale: {unit = "counts", per_revolution = ...}.'
         severity: Severity = "warning" if declared or quantity == "torque" else "error"
         text = (
@@ -208,8 +208,3 @@ def _another_unit(channel: str, names: Sequence[str], given: Any) -> Iterator[Fi
         place = ("recording", "units", channel)
         yield UNIT.finding(severity, text, column, advice, place=place, repairs=repairs)
         return
-
-
-def _drive_units(found: Sequence[str]) -> set[str]:
-    """Commands of a drive may be called by one another's names."""
-    return {"command", "A", "mA", "V", "mV"} if set(found) & {"A", "mA", "V"} else set()

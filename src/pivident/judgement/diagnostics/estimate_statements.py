@@ -144,7 +144,7 @@ def determined(result: Identification) -> Iterator[Finding]:
         parts.append(f"not determined, held where they were: {listed(held)}")
     text = "; ".join(parts) + "."
     yield Finding("note", "parameters", "partly known", text, evidence=evidence, basis=basis)
-    for sentence in wanted_motions(result, zero or middle):
+    for sentence in wanted_motions(result, open_parameters(result)):
         yield Finding("note", "motion", "wanted", sentence)
 
 
@@ -154,14 +154,21 @@ def is_known(row: ParameterRow) -> bool:
 
 
 def open_parameters(result: Identification) -> tuple[str, ...]:
-    """Parameters that another motion would determine: those that `determined` names.
+    """Parameters that another motion would determine: those that may be zero, or are not known.
+
+    The torque of an offset is the same in every motion. Motion that tells it from gravity or from
+    friction is asked for by their parameters, where they are not known.
 
     Args:
         result: the estimate.
     """
     rows = parameter_rows(result)
     zero, slight = zero_and_slight(result, rows)
-    return zero or tuple(r.name for r in rows if not is_known(r) and r.name not in slight)
+    offsets = {p.name for p in result.parameters if p.stem == "off"}
+    told = [r for r in rows if r.name not in offsets.union(slight)]
+    return tuple(r.name for r in told if r.name in zero) or tuple(
+        r.name for r in told if not is_known(r)
+    )
 
 
 def corrected(result: Identification) -> Iterator[Finding]:
