@@ -25,7 +25,7 @@ from pivident.judgement.model_errors.named_causes import named_causes
 from pivident.loop import virtual_pd
 from pivident.robot.gallery import load_robot
 
-REACH = Reach(np.array([-1.0, 0.1]), np.array([0.6, 0.5]), np.ones(2), np.ones(2))
+REACH = Reach(np.array([-1.0, 0.1]), np.array([0.6, 0.5]), *np.ones((3, 2)))
 
 PHASES = [(m, n, phase) for m, n in (DIFFERENCE, SUM) for phase in (0.0, np.pi / 2)]
 OWN_PHASES = [(m, n, phase) for m, n in (FIRST, SECOND) for phase in (0.0, np.pi / 2)]
@@ -83,7 +83,7 @@ def test_torques_of_a_pair_are_those_of_lagranges_equations():
 
 def test_torques_of_three_are_those_of_lagranges_equations():
     robot = forced("delta", "three arms").robot
-    causes = list(coupling_causes(robot, Reach(-np.ones(3), *np.ones((3, 3)))))
+    causes = list(coupling_causes(robot, Reach(-np.ones(3), *np.ones((4, 3)))))
     (three,) = (c for c in causes if c.subject.count(",") == 2)
     assert sum("inertia" in c.what for c in causes) == 4
     q, ddq = np.random.default_rng(1).normal(size=(2, 3, 4))
@@ -97,7 +97,7 @@ def test_torques_of_three_are_those_of_lagranges_equations():
 
 def test_of_a_serial_arm_only_pairs_are_tried():
     robot = load_robot("staubli_tx40")
-    reach = Reach(-np.ones(6), *np.ones((3, 6)))
+    reach = Reach(-np.ones(6), *np.ones((4, 6)))
     causes = list(coupling_causes(robot, reach))
     assert len(causes) == 15 + 30 + 30
     assert {c.subject.count(",") for c in causes} == {1}

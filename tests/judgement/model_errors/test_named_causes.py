@@ -64,6 +64,19 @@ def test_fault_is_named_first_with_its_size(name):
         assert near < max(6.0, 0.5 * far)
 
 
+@pytest.mark.parametrize("late", [15.0, 40.0])
+def test_torques_that_are_late_by_many_samples_are_named_with_the_delay(late):
+    """A delay is believed as long as the motion hardly changes meanwhile, not up to 8 ms."""
+    problem, _ = right_problem()
+    (recording,) = problem.recordings
+    samples = round(1e-3 * late * recording.rate)
+    tau = np.concatenate([np.repeat(recording.tau[:1], samples, 0), recording.tau[:-samples]])
+    problem = replace(problem, recordings=(replace(recording, tau=tau),))
+    (first, *_) = named_causes(problem, identify(problem, "ls")).named
+    assert str(first.cause) == "delay: torques logged later than positions"
+    assert abs(first.score.size[0] - late) < max(3.0 * first.score.std[0], 0.1 * late)
+
+
 def test_friction_that_grows_along_the_travel_is_named_with_its_size():
     problem = with_uneven_friction(1, 2.0)
     (first, *_) = named_causes(problem, identify(problem, "piv")).named

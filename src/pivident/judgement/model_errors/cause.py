@@ -41,12 +41,13 @@ PASSED = 0.4
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Travel, largest speeds and torques of the joints in all records, each of shape (joints,)."""
+    """Travel, speeds and torques of the joints in all records, each of shape (joints,)."""
 
     low: np.ndarray  # least positions [rad or m]
     high: np.ndarray  # largest positions
     fastest: np.ndarray  # largest speeds [rad/s or m/s]
     strongest: np.ndarray  # largest torques [N m or N]
+    pace: np.ndarray  # rms acceleration over rms speed: the ω of a sine [rad/s]
 
 
 @dataclass(frozen=True, eq=False)

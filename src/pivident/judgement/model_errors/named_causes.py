@@ -205,7 +205,7 @@ def all_causes(problem: Problem, found: Identification, reach: Reach) -> list[Ca
     robot = problem.robot
     names = [r.name for r in problem.recordings]
     return [
-        *torque_causes(robot, max(map(motion_band, problem.recordings))),
+        *torque_causes(robot, max(map(motion_band, problem.recordings)), reach.pace),
         *geometry_causes(robot),
         *motion_causes(robot),
         *missing_causes(robot, found.parameters, names),
@@ -459,11 +459,15 @@ def _named(
 
 
 def reach_of(kinematics: Sequence[Kinematics]) -> Reach:
-    """Travel, largest speeds and torques of all records."""
+    """Travel, speeds and torques of all records."""
     spans = [(k, slice(k.start, k.stop)) for k in kinematics]
     return Reach(
         np.min([k.q[:, span].min(axis=1) for k, span in spans], axis=0),
         np.max([k.q[:, span].max(axis=1) for k, span in spans], axis=0),
         np.max([np.abs(k.dq[:, span]).max(axis=1) for k, span in spans], axis=0),
         np.max([np.abs(k.tau[:, span]).max(axis=1) for k, span in spans], axis=0),
+        np.sqrt(
+            np.sum([(k.ddq[:, span] ** 2).sum(axis=1) for k, span in spans], axis=0)
+            / np.maximum(np.sum([(k.dq[:, span] ** 2).sum(axis=1) for k, span in spans], 0), 1e-300)
+        ),
     )

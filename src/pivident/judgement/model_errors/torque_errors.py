@@ -44,21 +44,25 @@ MILLISECOND = 1e-3
 LARGEST = {"%": 30.0}
 
 
-def torque_causes(robot: Robot, band: float) -> Iterator[Cause]:
+def torque_causes(robot: Robot, band: float, pace: np.ndarray) -> Iterator[Cause]:
     """Delay and gain of all torques and of each, ripple of each, ratio of each gear, the clock.
 
-    ``band``: highest frequency of the motion [Hz], of which a delay that is believed is less than a
-    radian: 8 ms of 20 Hz.
+    Args:
+        robot: the robot.
+        band: highest frequency of the motion [Hz]; a radian of it is believed of any delay: 8 ms of
+            20 Hz.
+        pace: the ω of the joints' motion [rad/s], shape (joints,), of which half a radian is
+            believed as well: up to there a delay of a sine is its slope to 4 %.
     """
-    longest = 1.0 / (2.0 * np.pi * band * MILLISECOND)
-    yield _delay(robot, None, longest)
+    longest = np.maximum(1.0 / (2.0 * np.pi * band), 0.5 / np.maximum(pace, 1e-3)) / MILLISECOND
+    yield _delay(robot, None, float(np.median(longest)))
     yield _gain_of_all()
     yield _clock()
     for j, joint in enumerate(robot.joints):
         if joint.motion != "driven":
             continue
         if robot.size > 1:
-            yield _delay(robot, j, longest)
+            yield _delay(robot, j, float(longest[j]))
         yield _gain(joint.name, j)
         if robot.torque_side == "motor":
             yield _ratio(joint.name, j, "ratio" if joint.kind == "revolute" else "pitch")
@@ -215,10 +219,10 @@ def friction_causes(robot: Robot, reach: Reach) -> Iterator[Cause]:
         strongest = float(reach.strongest[j])  # a larger amplitude is none that friction has
         for what, shapes in _shapes(reach, j, slope, _columns_of(joint)).items():
             yield _cause("friction", joint.name, what, unit, j, slope, shapes, strongest)
-        uneven = _uneven(float(reach.low[j]), float(reach.high[j]))
         yield _cause(
-            "uneven friction", joint.name, "along the travel", unit, j, slope, uneven, strongest
-        )
+            "uneven friction", joint.name, "along the travel", unit, j, slope,
+            _uneven(float(reach.low[j]), float(reach.high[j])), strongest,
+        )  # fmt: skip
         warming, unit = _warming(float(reach.fastest[j])), f"{unit}/min"
         yield _cause("warming up", joint.name, "friction by time", unit, j, slope, warming, np.inf)
 
