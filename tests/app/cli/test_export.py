@@ -163,6 +163,16 @@ def test_inputs_are_not_overwritten(result, capsys, name):
     assert digest(target) == before
 
 
+def test_the_robot_of_a_copied_project_is_not_overwritten(result, tmp_path, capsys):
+    """The estimate names the URDF of the project that was copied, which is still there."""
+    copy = tmp_path / "copy"
+    shutil.copytree(result.parent, copy)
+    before = digest(copy / "arm.urdf")
+    assert run("export", copy / result.name, "--to", "urdf", "--out", copy / "arm.urdf") == 1
+    assert "made from, which must not change" in capsys.readouterr().err
+    assert digest(copy / "arm.urdf") == before
+
+
 def test_link_to_an_input_is_an_input(result, tmp_path, capsys):
     (tmp_path / "link.urdf").symlink_to(result.parent / "arm.urdf")
     assert run("export", result, "--to", "urdf", "--out", tmp_path / "link.urdf") == 1

@@ -193,6 +193,12 @@ def test_joints_without_friction_outweigh_a_rotor_that_noise_made():
     assert replace(free, pooled=(0.055, 0.01)).side == "unknown"
 
 
+def test_nothing_is_said_of_rotors_that_no_joint_shows():
+    unknown, friction = np.full(2, np.nan), np.array([0.25, 0.94])
+    found = TorqueSideEvidence(("a", "b"), unknown, unknown, friction, (np.nan, np.nan))
+    assert str(found) == "friction takes 25 to 94 % of their rms torques"
+
+
 def test_init_says_that_the_side_is_open():
     """Motors and sensors alike would have such shares; they are taken for those of the motors."""
     log = make_log(60, Setting("regular", 200.0, 15.0, 0.0, 0.002, "none", 0.6), joints=4)

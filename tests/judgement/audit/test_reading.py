@@ -166,6 +166,7 @@ def test_speed_that_was_filtered_or_scaled(tmp_path):
         assert len(found) == 2
         severity = {"true": "ok", "filtered": "warning", "degrees": "error"}[name]
         assert {f.severity for f in found} == {severity}
+        assert {f.place for f in found} == {("recording", "columns", "dq")}
         if name == "filtered":  # the lag of 0.95/0.05 is 19 samples at low frequency
             lag = float(found[0].message.split("(")[1].split(" ")[0])
             assert 15 < lag < 20

@@ -135,9 +135,10 @@ def check_targets(
     for target in (out, *(out.with_name(name) for name in exported.further)):
         if target.is_dir():
             raise ExportError(f"{target} is a folder", advice="name a file in it")
-        is_log = bool(sources) and target.is_file() and sha256(target) in sources
+        # a copy of one is that of a project which was copied: it reads the first one's robot
+        is_input = target.is_file() and sha256(target) in {*sources, *map(sha256, inputs)}
         for source in inputs:
-            if target.exists() and (is_log or target.samefile(source)):
+            if target.exists() and (is_input or target.samefile(source)):
                 raise ExportError(
                     f"{target} is a file that the export is made from, which must not change",
                     advice="choose another name with --out",

@@ -107,9 +107,15 @@ class TorqueSideEvidence:
             if np.isfinite(x)
         ]
         low, high = 100.0 * np.nanmin(self.friction), 100.0 * np.nanmax(self.friction)
-        return (
-            f"rotors take {plus_minus(share, 2.0 * error)} % of what the joints accelerate "
-            f"({', '.join(known)}), friction {low:.2g} to {high:.2g} % of their rms torques"
+        return ", ".join(
+            [
+                *[
+                    f"rotors take {plus_minus(share, 2.0 * error)} % of what the joints accelerate "
+                    f"({', '.join(known)})"
+                ]
+                * bool(known),
+                f"friction takes {low:.2g} to {high:.2g} % of their rms torques",
+            ]
         )
 
 

@@ -126,4 +126,7 @@ def _finding(
     derivative = name.partition(" ")[0]
     is_left_out = severity != "ok" and derivative in ("dq", "dq_ref")
     repairs = [Repair((NotRead(channel=derivative),))] if is_left_out else []
-    return DERIVATIVE.finding(severity, text, name, step, evidence, repairs=repairs)
+    return DERIVATIVE.finding(
+        severity, text, name, step, evidence, repairs=repairs,
+        place=("recording", "columns", derivative),
+    )  # fmt: skip

@@ -145,7 +145,9 @@ class Summary:
             if item.command and experiment is not None:
                 words = [item.command, str(experiment)]
             items.append(replace(item, command=shlex.join(["pivident", *words]) if words else ""))
-        export = shlex.join(["pivident", "export", place, "--to", "urdf", "--out", "robot.urdf"])
+        export = shlex.join(
+            ["pivident", "export", place, "--to", "urdf", "--out", "identified.urdf"]
+        )
         export *= not number
         first = next((item.command for item in items if item.command), motion)
         return replace(self, items=tuple(items), take_away=export, next_step=first)

@@ -1,5 +1,6 @@
 """Noise separated from model error, by repetition and by held-out blocks."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -128,6 +129,8 @@ def test_repetition_measures_noise_and_model_error(made):
     assert found.mostly_model_error
     text = str(found)
     assert "it is model error" in text and "Repeatability" in text and "repeats ±2σ" in text
+    ratio = re.search(r"include the model error are (\S+) times as large\.", text)
+    assert ratio and float(ratio[1]) > 1.0
 
 
 def test_repeatability_is_what_repeated_records_spread_by(made):

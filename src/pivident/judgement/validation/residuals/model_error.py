@@ -122,10 +122,9 @@ class ModelError:
             ratio = np.exp(np.mean(np.log(total[free] / alone)))
             lines.append(
                 "Repeatability: if this record were taken again, the estimates would differ by the "
-                f"standard errors from noise alone. They are {format_significant(float(ratio), 2)} "
-                "times "
-                "smaller than those that include the model error, and do not show how close the "
-                "estimates are to the truth."
+                "standard errors from noise alone, which do not show how close they are to the "
+                "truth. Those that include the model error are "
+                f"{format_significant(float(ratio), 2)} times as large."
             )
         if self.mostly_model_error:
             advice = "longer or quieter record would change little; a better model would."
