@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 
 from pivident.data.recording.recording import Recording
+from pivident.estimation.identify import identify
+from pivident.estimation.problem import Problem
 from pivident.judgement.audit.blocked_fit import BLOCKS
 from pivident.judgement.audit.inverse_model import build_inverse_model
 from pivident.judgement.audit.recording_audit import recording_faults
 from pivident.judgement.audit.steps import hidden_jitter, unsteady_steps
 from pivident.judgement.audit.timing import check_timing
+from pivident.judgement.diagnostics.diagnostics import diagnose
+from pivident.judgement.diagnostics.verdict import verdict
 from pivident.robot.gallery import load_robot
 from tests.judgement.audit.logs import clean_log, delayed, planar
 
@@ -82,6 +86,10 @@ def test_a_torque_that_is_cut_off_is_a_reservation():
         made.q, tau, 1000.0, joint_names=made.joint_names, saturation="allow"
     )
     assert ("warning", "clipped", "tau of elbow") in faults(cut)
+    problem = Problem(load_robot("planar_2r"), (cut,))
+    found = verdict(diagnose(problem, {"ls": identify(problem, "ls")}, folds=3))
+    (said,) = [s for s in found.reservations if "tau of elbow is cut off" in s.message]
+    assert "Cut these parts" in said.next_step  # to allow it again is no repair to be tried
 
 
 def test_a_torque_with_the_wrong_sign():

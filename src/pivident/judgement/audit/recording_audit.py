@@ -93,9 +93,12 @@ def _checks() -> Iterator[LogCheck]:
 
 
 def _allowed(finding: Finding) -> Finding:
-    """A torque that is cut off is in a recording because somebody allowed it."""
-    is_cut = finding.declared is CLIPPED and finding.severity == "error"
-    return replace(finding, severity="warning") if is_cut else finding
+    """A torque that is cut off is in a recording because somebody allowed it: no repair is left.
+
+    As one that is tried, and changes nothing, it would take the finding along.
+    """
+    is_cut = finding.declared is CLIPPED
+    return replace(finding, severity="warning", repairs=()) if is_cut else finding
 
 
 class GainsCheck(LogCheck):
