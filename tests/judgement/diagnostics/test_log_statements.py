@@ -12,6 +12,7 @@ from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import tx40_fine
 from pivident.foundation.text.finding import Quantity
 from pivident.foundation.text.repair import setting
+from pivident.judgement.audit.delay import JOINT_EARLY
 from pivident.judgement.audit.scale import GAIN, LOAD, MEDIAN
 from pivident.judgement.diagnostics.diagnostics import Diagnostics, diagnose
 from pivident.judgement.diagnostics.model_error_statements import log_faults
@@ -58,6 +59,27 @@ def test_a_torque_logged_one_sample_late_is_a_reservation(good):
     assert delay.quantity.value == pytest.approx(1e3 / made.rate, rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("timely", "looked"),
+    [({"elbow": 3.1}, True), ({"elbow": 12.0}, False), ({"shoulder": 3.1}, False), (None, False)],
+)
+def test_a_joint_s_own_delay_that_the_residual_rules_out_is_a_note(timely, looked):
+    """An audit has an assumed law of friction; the causes have what was estimated."""
+    finding = JOINT_EARLY.finding(
+        "warning", "9.8 ms earlier.", "elbow", "Log them at once.", {"delay": Quantity(-9.8, "ms")}
+    )
+    known = SimpleNamespace(named=(), checked_gains=(), timely=timely)
+    diagnostics = SimpleNamespace(
+        log=[finding],
+        model_errors=None if timely is None else known,
+        identifications={"piv": SimpleNamespace(robot=load_robot("planar_2r"))},
+        recommended="piv",
+    )
+    (said,) = log_faults(diagnostics)
+    assert (said.severity == "note") == looked == ("rules that out" in said.message)
+    assert bool(said.next_step) != looked
+
+
 def severities(median, declared, *checked, repairs=()):
     """Of what an audit has against a torque, where the scale of these joints is checked."""
     finding = declared.finding(
@@ -66,7 +88,7 @@ def severities(median, declared, *checked, repairs=()):
     )  # fmt: skip
     diagnostics = SimpleNamespace(
         log=[finding],
-        model_errors=SimpleNamespace(named=(), checked_gains=checked),
+        model_errors=SimpleNamespace(named=(), checked_gains=checked, timely={}),
         identifications={"piv": SimpleNamespace(robot=load_robot("planar_2r"))},
         recommended="piv",
     )

@@ -92,7 +92,13 @@ def check_log(
     refused = failure if not recordings else None
     same = said_by(refused, grave)
     if refused is not None and not any(finding.severity == "error" for finding in same):
-        remarks.append(of_error(refused, "recording", place, _kind(refused)))
+        remarks.append(
+            of_error(
+                refused, "recording", place,
+                MISSING_SAMPLES.name if isinstance(refused, (MissingSamples, GapInClock))
+                else "refused",
+            )
+        )  # fmt: skip
         same = []
     remarks += [of_finding(finding, place, finding in same) for finding in grave]
     if audit.model is not None:
@@ -201,11 +207,6 @@ def _long_delay(delay: float) -> Finding:
     seconds = float(f"{1e-3 * delay:.6g}")
     repairs = [setting("delay", value=seconds, words="It is in milliseconds.")]
     return LONG_DELAY.finding("error", text, "tau", step, repairs=repairs)
-
-
-def _kind(failure: PividentError) -> str:
-    """The kind of a remark about an error that no finding reports."""
-    return MISSING_SAMPLES.name if isinstance(failure, (MissingSamples, GapInClock)) else "refused"
 
 
 def said_by(error: PividentError | None, findings: Sequence[Finding]) -> list[Finding]:

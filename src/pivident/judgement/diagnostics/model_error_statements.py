@@ -11,6 +11,7 @@ from pivident.foundation.text.finding import Finding, FindingKind, Quantity, Sev
 from pivident.foundation.text.numbers import format_significant, percent
 from pivident.foundation.text.repair import RECORDING
 from pivident.foundation.text.sentences import capital, listed
+from pivident.judgement.audit.delay import JOINT_EARLY, JOINT_LATE
 from pivident.judgement.audit.scale import GAIN, LOAD, MEDIAN, WARNING
 from pivident.judgement.diagnostics.diagnostics import Diagnostics
 from pivident.judgement.diagnostics.ranges import much_wider
@@ -81,26 +82,36 @@ def log_faults(diagnostics: Diagnostics) -> Iterator[Finding]:
     """What an audit has against the recordings; a delay that is measured below is said there.
 
     A torque's factor to the description is a note where the torques agree in scale with one another
-    and with the description at large: then single masses of it are wrong.
+    and with the description at large: then single masses of it are wrong. So is the delay of a
+    single joint that the residual of the estimate rules out: the audit's own fit has an assumed law
+    of friction, by which joints that stick seem late or early.
     """
     found = diagnostics.model_errors
-    robot = diagnostics.identifications[diagnostics.recommended].robot
     measured = found is not None and any(one.cause.kind == "delay" for one in found.named)
-    agree = found is not None and {j.name for j in robot.joints if j.motion == "driven"} <= {
+    joints = diagnostics.identifications[diagnostics.recommended].robot.joints
+    agree = found is not None and {j.name for j in joints if j.motion == "driven"} <= {
         *found.checked_gains,
         *(own.cause.subject for own in found.named if own.cause.kind == "torque gain"),
     }
     for finding in diagnostics.log:
-        of_masses = finding.declared is LOAD or (finding.declared is GAIN and agree)
-        common = finding.evidence[MEDIAN].value if of_masses else 0.0
-        is_open = finding.severity != "note" and not finding.repairs
-        if is_open and 1.0 / WARNING < common < WARNING:
+        common = (  # the factor of most joints
+            finding.evidence[MEDIAN].value
+            if finding.declared is LOAD or (finding.declared is GAIN and agree)
+            else 0.0
+        )
+        in_scale = 1.0 / WARNING < common < WARNING
+        is_refuted = (
+            found is not None
+            and finding.declared in (JOINT_LATE, JOINT_EARLY)
+            and abs(finding.evidence["delay"].value) > found.timely.get(finding.subject, np.inf)
+        )
+        if (in_scale or is_refuted) and finding.severity != "note" and not finding.repairs:
             finding = replace(
-                finding,
-                severity="note",
-                message=f"{finding.message} Torques agree in scale: the estimate replaces masses.",
-                next_step="",
-            )
+                finding, severity="note", next_step="",
+                message=f"{finding.message} "
+                + ("Torques agree in scale: the estimate replaces masses." if in_scale
+                   else "What the estimate leaves rules that out."),
+            )  # fmt: skip
         if not (measured and finding.topic == "delay"):
             yield finding
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain
 
 import numpy as np
@@ -46,6 +46,7 @@ from pivident.judgement.model_errors.torque_errors import (
 from pivident.judgement.model_errors.unchecked_causes import (
     UncheckedCause,
     checked_gains,
+    timely,
     unchecked_causes,
 )
 from pivident.judgement.model_errors.wrench_errors import wrench_causes
@@ -144,6 +145,7 @@ class ModelErrors(Displayed):
         unseen: the same on blocks that were not fitted.
         unchecked: errors that would not be seen, and would change the estimate.
         checked_gains: joints whose torque agrees in scale with those of the others.
+        timely: delays that are ruled out by the joint whose torque would have them [ms].
     """
 
     named: tuple[NamedCause, ...]
@@ -152,6 +154,7 @@ class ModelErrors(Displayed):
     unseen: float
     unchecked: tuple[UncheckedCause, ...] = ()
     checked_gains: tuple[str, ...] = ()
+    timely: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def matter(self) -> tuple[NamedCause, ...]:
@@ -390,6 +393,7 @@ def _model_errors(
         1.0 - base.unseen / max(start.unseen, 1e-300),
         unchecked_causes(tests, scores, corrected, found, MATTERS),
         checked_gains(tests, scores.values()),
+        timely(scores.values()),
     )
 
 

@@ -140,6 +140,21 @@ def checked_gains(tests: ScoreTests, scores: Iterable[Score]) -> tuple[str, ...]
     )
 
 
+def timely(scores: Iterable[Score]) -> dict[str, float]:
+    """Joints whose torque is seen to be neither late nor early, with what is ruled out [ms].
+
+    That is |δ| + 3 σ_δ of a delay δ of the joint's own that is within two standard errors of none.
+
+    Args:
+        scores: those of the causes that are not named.
+    """
+    return {
+        score.cause.subject: abs(float(score.size[0])) + 3.0 * float(score.std[0])
+        for score in scores
+        if score.cause.kind == "delay" and abs(float(score.size[0])) < 2.0 * float(score.std[0])
+    }
+
+
 def _standard_errors(tests: ScoreTests) -> float:
     """How many of its standard errors a cause has to be large to be named for certain."""
     return float(student.isf(0.5 * LEVEL / tests.tried, tests.freedom)) + CERTAIN

@@ -310,7 +310,11 @@ class Clearances(Displayed):
             near, overlap = (float(np.mean(distance < d)) for d in (pair.needed, 0.0))
             if own and (overlap > STRUCTURAL_SHARE or (constant and near)):
                 built.append(pair.name)
-            elif not own and near > STRUCTURAL_SHARE and (constant or self._is_first(pair.body)):
+            elif (
+                not own
+                and near > STRUCTURAL_SHARE
+                and (constant or self.robot.joints[pair.body.link].parent < 0)
+            ):  # a link that the base carries may be built near to what it stands on
                 standing.append(pair.name)
             elif own and near > STRUCTURAL_SHARE:
                 # nearly every posture keeps twice as much, which leaves as much again to plan with
@@ -337,10 +341,6 @@ class Clearances(Displayed):
             for name in standing
         )
         return replace(self, pairs=tuple(kept), remarks=(*self.remarks, *remarks))
-
-    def _is_first(self, body: Body) -> bool:
-        """Whether the base carries a body's link, which may be built near to what it stands on."""
-        return self.robot.joints[body.link].parent < 0
 
     def _is_out_of_reach(self, pair: Pair) -> bool:
         """Whether no posture brings a body as near as the clearance to what stands still."""
