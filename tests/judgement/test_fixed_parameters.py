@@ -53,4 +53,4 @@ def test_what_noise_alone_makes_is_compared_with_the_parameters_that_vary():
     free = found.std > 0.0
     assert free.sum() == len(found.names) - 2
     ratio = np.exp(np.mean(np.log(found.std[free] / split.repeatability[free])))
-    assert f"They are {ratio:.2g} times" in " ".join(split.sentences())
+    assert f"are {ratio:.2g} times as large" in " ".join(split.sentences())
