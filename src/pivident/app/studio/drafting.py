@@ -57,7 +57,7 @@ def draft(
     }  # fmt: skip
     drafted = partial(
         draft_experiment,
-        robot=_in_project(project, robot),
+        robot=str(project / robot) if robot and (project / robot).is_file() else robot,
         out=project / EXPERIMENT,
         joints=joints,
         column_names=column_names,
@@ -106,11 +106,6 @@ def _unreadable(project: Path, logs: Sequence[str], column_names: Sequence[str])
         except (PividentError, OSError) as error:
             found[log] = " ".join(str(error).split())
     return found
-
-
-def _in_project(project: Path, robot: str | None) -> str | None:
-    """A robot file of the project with its path, anything else as it is."""
-    return str(project / robot) if robot is not None and (project / robot).is_file() else robot
 
 
 #: The robot of the gallery, its gains [N m per rad, N m s per rad], and the log [Hz, s].

@@ -84,7 +84,7 @@ def excursions(x: np.ndarray, t: np.ndarray | None) -> tuple[list[tuple[int, int
     highest = np.sort(around, axis=1)[:, -1 - OTHERS_OUT_OF_PLACE]
     above = finite[large] / np.maximum(highest, 1e-300)
     for k, ratio in zip(large[above > REMARKABLE], above[above > REMARKABLE], strict=True):
-        if not _is_turn(step[k]):
+        if not any(abs(step[k] / turn - 1.0) < 0.02 for turn in (2.0 * np.pi, 360.0)):
             steps.append(int(k))
             if ratio > ABOVE_NEIGHBOURS and step[k] > max(ABOVE_USUAL * usual, 5.0 * smallest):
                 clear.add(int(k))
@@ -116,8 +116,3 @@ def _comes_back(x: np.ndarray, step: np.ndarray, first: int, last: int) -> bool:
     expected = float(np.median(around)) * length if around.size else 0.0
     reach = max((1.0 + 0.5 * length) * usual, 0.2 * max(step[first], step[last]))
     return bool(abs(x[last + 1] - x[first] - expected) <= reach)
-
-
-def _is_turn(step: float) -> bool:
-    """Whether a step is a full turn, in radians or degrees."""
-    return any(abs(step / turn - 1.0) < 0.02 for turn in (2.0 * np.pi, 360.0))

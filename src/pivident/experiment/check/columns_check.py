@@ -187,8 +187,7 @@ def _another_unit(channel: str, names: Sequence[str], given: Any) -> Iterator[Fi
         words = {w.lower() for w in _UNIT_WORD.findall(column)}
         found = [unit for unit, own in UNIT_WORDS[quantity].items() if own & words]
         commands = {"A", "mA", "V"} & set(found)  # may be called by one another's names
-        alike = {*found, *({"command", "A", "mA", "V", "mV"} if commands else ())}
-        if not found or taken in alike:
+        if not found or taken in found or (commands and taken in ("command", "A", "mA", "V", "mV")):
             continue
         how = "is given as" if declared else "is not given and taken for"
         advice = f'Set units = {{{channel} = "{found[0]}"}} if the name is right.'

@@ -92,13 +92,9 @@ def check_log(
     refused = failure if not recordings else None
     same = said_by(refused, grave)
     if refused is not None and not any(finding.severity == "error" for finding in same):
-        remarks.append(
-            of_error(
-                refused, "recording", place,
-                MISSING_SAMPLES.name if isinstance(refused, (MissingSamples, GapInClock))
-                else "refused",
-            )
-        )  # fmt: skip
+        is_missing = isinstance(refused, (MissingSamples, GapInClock))
+        kind = MISSING_SAMPLES.name if is_missing else "refused"
+        remarks.append(of_error(refused, "recording", place, kind))
         same = []
     remarks += [of_finding(finding, place, finding in same) for finding in grave]
     if audit.model is not None:

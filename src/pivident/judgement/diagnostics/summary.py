@@ -145,12 +145,14 @@ class Summary:
             if item.command and experiment is not None:
                 words = [item.command, str(experiment)]
             items.append(replace(item, command=shlex.join(["pivident", *words]) if words else ""))
-        export = shlex.join(
-            ["pivident", "export", place, "--to", "urdf", "--out", "identified.urdf"]
-        )
-        export *= not number
+        export = ["pivident", "export", place, "--to", "urdf", "--out", "identified.urdf"]
         first = next((item.command for item in items if item.command), motion)
-        return replace(self, items=tuple(items), take_away=export, next_step=first)
+        return replace(
+            self,
+            items=tuple(items),
+            take_away="" if number else shlex.join(export),
+            next_step=first,
+        )
 
     def text(self) -> str:
         """The screen; items take the room that is left."""

@@ -171,8 +171,7 @@ def _nothing(
 
 def _messages(file: Path) -> Iterator[Message]:
     """Messages of one file, which may be packed as a whole."""
-    unpacked = file.name.lower().removesuffix(".zstd").removesuffix(".zst")
-    read = CONTAINERS.get(Path(unpacked).suffix)
+    read = CONTAINERS.get(Path(file.name.lower().removesuffix(".zstd").removesuffix(".zst")).suffix)
     if read is None:
         raise FileFormatError(
             f"{file.name} is no bag", advice=f"use one of {', '.join(CONTAINERS)}"
